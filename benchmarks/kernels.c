@@ -182,35 +182,33 @@ static void row_search(bench *b) {
 
 static void row_linearise(bench *b) {
   bd_newton_linearise(&b->newton, &b->plan, b->y);
-  bd_newton_linearise_contact(&b->newton, &b->plan, b->y, 0.0);
 }
 
 static void row_factor(bench *b) {
-  bd_newton_factor(&b->newton, &b->plan, 1e-5);
+  bd_newton_factor(&b->newton, &b->plan, b->y, 1e-5, 0.0, NULL);
 }
 
 /* The parts of the linear systems that the friction law decides. */
-static void row_linearise_contact(bench *b) {
-  bd_newton_linearise_contact(&b->newton, &b->plan, b->y, 0.0);
-}
-
 static void row_add_contact(bench *b) {
   const bd_newton_system *system = &b->newton;
   const bd_newton_kernels *kernels = b->plan.kernels->newton;
-  double *column_x = bd_field(&b->model->lay, b->y_new, F_X);
-  double *column_y = bd_field(&b->model->lay, b->y_new, F_Y);
+  const bd_fill fill = {b->y, system->stage.g, 0.0, NULL};
   for (int j = 0; j < b->model->lay.np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     const int n_runs = system->at.n_runs[j];
     const bd_run *runs = system->at.runs + j * system->at.max_runs;
     if (b->model->along_links) {
-      sink += kernels->add_links(&b->plan.links, &system->at.joints, pulley, n_runs, runs,
-                                 &system->along[j], system->stage.g, &system->blocks,
-                                 &system->scratch, column_x, column_y, system->rows + BD_HALO);
+      sink += kernels
+                  ->fill_pulley[pulley->law](&b->plan.links, &system->at.joints, pulley, n_runs,
+                                             runs, &fill, &system->scratch, &system->blocks,
+                                             &system->slots[j], &system->bodies[j], NULL)
+                  .own;
     } else {
-      sink += kernels->add_contact[bd_law_form(pulley->law)](pulley, n_runs, runs,
-                                                             &system->contact[j], system->stage.g,
-                                                             &system->blocks, column_x, column_y);
+      kernels->linearise_contact[pulley->law](&b->plan.links, pulley, n_runs, runs, b->y,
+                                              &system->contact[j], 0.0);
+      sink += kernels->add_contact[bd_law_form(pulley->law)](
+          pulley, n_runs, runs, &system->contact[j], fill.g, &system->ring_blocks,
+          bd_field(&b->model->lay, b->y_new, F_X), bd_field(&b->model->lay, b->y_new, F_Y));
     }
   }
 }
@@ -218,7 +216,9 @@ static void row_add_contact(bench *b) {
 static void row_finish_contact(bench *b) {
   const bd_newton_system *system = &b->newton;
   const bd_newton_kernels *kernels = b->plan.kernels->newton;
-  for (int j = 0; j < b->model->lay.np; ++j) {
+  const bd_layout *lay = &b->model->lay;
+  double *c = b->stage[1];
+  for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     const int n_runs = system->at.n_runs[j];
     const bd_run *runs = system->at.runs + j * system->at.max_runs;
@@ -226,12 +226,14 @@ static void row_finish_contact(bench *b) {
       continue;
     }
     if (b->model->along_links) {
-      kernels->finish_joints(&b->plan.links, &system->at.joints, pulley, n_runs, runs,
-                             &system->along[j], system->stage.g, 1.0, b->stage[1]);
+      kernels->restore_states(lay, n_runs, runs, pulley->states, &system->slots[j],
+                              b->plan.links.link_mask, 1.0, NULL, bd_cfield(lay, c, F_X),
+                              bd_cfield(lay, c, F_VX),
+                              bd_field(lay, c, bd_f_state(lay, pulley->slot)),
+                              bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
     } else {
-      kernels->finish_contact[bd_law_form(pulley->law)](&b->model->lay, pulley, n_runs, runs,
-                                                        &system->contact[j], system->stage.g, 1.0,
-                                                        b->stage[1]);
+      kernels->finish_contact[bd_law_form(pulley->law)](
+          lay, pulley, n_runs, runs, &system->contact[j], system->stage.g, 1.0, c);
     }
   }
 }
@@ -275,9 +277,8 @@ static const struct {
     {"after step", row_after},
     {"search", row_search},
     {"Jacobian", row_linearise},
-    {"  of contact", row_linearise_contact},
     {"factorisation", row_factor},
-    {"  adding contact", row_add_contact},
+    {"  of contact", row_add_contact},
     {"solve", row_solve},
     {"  states of friction", row_finish_contact},
     {"step of tsit5", row_tsit5},

@@ -38,7 +38,6 @@ LAW_COLUMNS = {
     "contact": "  contact",
     "+ ledger": "  contact + ledger",
     "Jacobian": "  of contact",
-    "factor": "  adding contact",
     "solve": "  states of friction",
     "tsit5": "step of tsit5",
     "lbdf2": "step of lbdf2",

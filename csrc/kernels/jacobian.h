@@ -5,6 +5,8 @@
  * names.
  */
 
+#include "kernels/blocks.h"
+
 /* --- joints ---------------------------------------------------------------------------------- */
 
 /* Keeps of the last evaluation, at y, what the joints' linearisation needs: later evaluations, at
@@ -141,36 +143,42 @@ static void joints_product(const bd_links *links, const bd_tangent *tangent, con
   }
 }
 
-/* From the links' velocities without the pulleys' to all their unknowns, in place: c becomes the
- * solution, but for friction in contact, and 0 for the padding. A pulley's column, times its
- * acceleration, is three blocks. */
-static void finish_links(const bd_links *links, const bd_stage *stage, int n_columns,
-                         const double *columns, const double *factors, const double *x,
-                         const double *y, const double *p, double *c) {
+/* The ring's blocks without contact, where they are assembled. */
+static void fill_ring_links(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
+                            const bd_blocks *b, const bd_assembled *out) {
   const bd_layout *lay = &links->lay;
-  const int n8 = lay->n8, stride = lay->stride;
-  const vec g = splat(stage->g), inv_half = splat(1.0 / links->half), none = splat(0.0);
-  double *cx = bd_field(lay, c, F_X), *cvx = bd_field(lay, c, F_VX);
-  double *cmu = bd_field(lay, c, F_MU);
-  for (int i = 0; i < n8; i += WIDTH) {
-    vec v[3] = {load(x + i), load(y + i), load(p + i)};
-    for (int j = 0; j < n_columns; ++j) {
-      const double *column = columns + (size_t)(3 * j) * (size_t)stride;
-      const vec factor = splat(factors[j]);
-      for (int k = 0; k < 3; ++k) {
-        v[k] = fnma_(factor, load(column + (size_t)k * (size_t)stride + i), v[k]);
+  const double g2_ = stage->g * stage->g, half = links->half;
+  const vec g2 = splat(g2_), none = splat(0.0), spin = splat(g2_ * links->damping);
+  tangent->cos[lay->n] = tangent->cos[0];
+  tangent->sin[lay->n] = tangent->sin[0];
+  tangent->spin[lay->n] = tangent->spin[0];
+  for (int m = 0; m < 2; ++m) { /* Q, then W, which has the other sign */
+    const vec k = splat(m ? b->k : g2_ * links->stiffness), two = k + k;
+    const vec bend = splat(m ? b->bending : g2_ * links->bending / (half * half));
+    const vec straight = m ? two + splat(stage->mass) : two;
+    const vec bent = bend + bend + two + splat(m ? stage->mass / stage->slender : 0.0);
+    const vec sign = splat(m ? 1.0 : -1.0), turned = splat(m ? 1.0 : -half);
+    double *const to = m ? out->w : out->q;
+    for (int i = 0; i < lay->n8; i += WIDTH) {
+      const vec c = load(tangent->cos + i), s = load(tangent->sin + i);
+      const vec cl = load_unaligned(tangent->cos + i - 1);
+      const vec sl = load_unaligned(tangent->sin + i - 1);
+      const vec ca = load_unaligned(tangent->cos + i + 1);
+      const vec sa = load_unaligned(tangent->sin + i + 1);
+      const vec w = spin * load_unaligned(tangent->spin + i + 1);
+      const vec wl = spin * load_unaligned(tangent->spin + i - 1);
+      const vec qx = fma_(k, sa, w * ca), qy = fnma_(k, ca, w * sa);
+      const vec qxl = fma_(k, sl, wl * cl), qyl = fnma_(k, cl, wl * sl);
+      const vec entries[3][9] = {
+          {-k, none, qxl, none, -k, qyl, -(k * s), k * c, fma_(s, qxl, -fma_(c, qyl, bend))},
+          {straight, none, none, none, straight, none, none, none,
+           fma_(g2, load(tangent->pull + i), bent)},
+          {-k, none, -qx, none, -k, -qy, k * s, -(k * c), fma_(s, qx, -fma_(c, qy, bend))}};
+      for (int place = 0; place < 3; ++place) {
+        for (int e = 0; e < 9; ++e) {
+          store(entry_of(to, 3, i, place, e), (e % 3 == 2 ? turned : sign) * entries[place][e]);
+        }
       }
-    }
-    const mask link = less(none, load(links->link_mask + i));
-    v[2] *= inv_half;
-    for (int k = 0; k < 3; ++k) {
-      const int at = k * stride + i;
-      store(cx + at, where(link, g * (load(cx + at) + v[k])));
-      store(cvx + at, where(link, v[k]));
-    }
-    for (int k = 0; k < lay->slots * (lay->states + 1); ++k) {
-      const int at = k * stride + i;
-      store(cmu + at, where(link, g * load(cmu + at)));
     }
   }
 }
@@ -469,8 +477,9 @@ static double border_row(int n_runs, const bd_run *runs, const bd_contact_tangen
   return sum(along_x + along_y);
 }
 
-#include "kernels/link_contact_jacobian.h"
-#include "kernels/link_mount.h"
+#include "kernels/link_contact_tangent.h"
+
+#include "kernels/contact_points.h"
 #include "kernels/string_jacobian.h"
 
 /* For each form of friction, with what it needs alone. */
@@ -498,20 +507,6 @@ FORM(PLAIN, 0, 1)
 FORM(STATELESS, 1, 0)
 FORM(GENERAL, 1, 1)
 FORM(SEVERAL, 1, BD_SEVERAL)
-#define ALONG(law, general, states, string)                                                        \
-  static void linearise_links_##law##_##string(                                                    \
-      const bd_links *links, const bd_tangent *tangent, const bd_contact_pulley *pulley,           \
-      int n_runs, const bd_run *runs, const bd_points *points, const bd_link_scratch *scratch,     \
-      const double *y, const bd_link_tangent *contact, double h) {                                 \
-    linearise_links(links, tangent, pulley, n_runs, runs, points, scratch, y, contact, h,          \
-                    BD_LAW_##law, general, states, string);                                        \
-  }
-#define LAW(name, class, general, states, text)                                                    \
-  ALONG(name, general, states, 0) ALONG(name, general, states, 1)
-ALONG(NONE, 0, 0, 0)
-ALONG(NONE, 0, 0, 1)
-BD_LAWS(LAW)
-#undef LAW
 
 #define FORMS(function)                                                                            \
   function##_NONE, function##_PLAIN, function##_STATELESS, function##_GENERAL, function##_SEVERAL
@@ -526,7 +521,7 @@ const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .linearise_joints = linearise_joints,
     .diagonal = diagonal,
     .joints_product = joints_product,
-    .finish_links = finish_links,
+    .finish_nodes = finish_nodes_links,
 #define LAW(name, class, general, states, text) [BD_LAW_##name] = linearise_contact_##name,
     .linearise_contact = {linearise_contact_NONE, BD_LAWS(LAW)},
 #undef LAW
@@ -535,20 +530,15 @@ const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL) = {
     .contact_product = contact_product,
     .finish_contact = {FORMS(finish_contact)},
     .border_row = border_row,
-#define LAW(name, class, general, states, text) [BD_LAW_##name] = linearise_links_##name##_0,
-    .linearise_links = {linearise_links_NONE_0, BD_LAWS(LAW)},
+#define LAW(name, class, general, states, text) [BD_LAW_##name] = fill_pulley_##name##_links,
+    .fill_ring = fill_ring_links,
+    .fill_pulley = {fill_pulley_NONE_links, BD_LAWS(LAW)},
 #undef LAW
-    .add_link_correction = add_link_correction,
-    .add_links = add_links,
-    .assemble = assemble,
-    .joints_to_links = joints_to_links,
-    .link_product = link_product,
-    .add_turning = add_turning,
-    .finish_joints = finish_joints,
-    .ring_product = ring_product,
-    .move_links = move_links,
-    .mount_row = mount_row,
-    .finish_moved = finish_moved,
+    .blocks_product = blocks_product_links,
+    .states_product = states_product_links,
+    .row_runs = row_runs_links,
+    .add_column = add_column_links,
+    .restore_states = restore_states_links,
     .sum_runs = sum_runs,
 };
 
@@ -560,22 +550,15 @@ const bd_newton_kernels PASTE(bd_newton_string_, BD_LEVEL) = {
     .factor = {NULL, string_factor},
     .solve = {NULL, string_solve},
     .linearise_joints = string_linearise_joints,
-    .diagonal = string_diagonal,
-    .joints_product = string_joints_product,
-    .finish_links = string_finish_links,
-#define LAW(name, class, general, states, text) [BD_LAW_##name] = linearise_links_##name##_1,
-    .linearise_links = {linearise_links_NONE_1, BD_LAWS(LAW)},
+    .finish_nodes = finish_nodes_string,
+#define LAW(name, class, general, states, text) [BD_LAW_##name] = fill_pulley_##name##_string,
+    .fill_ring = fill_ring_string,
+    .fill_pulley = {fill_pulley_NONE_string, BD_LAWS(LAW)},
 #undef LAW
-    .add_link_correction = add_link_correction,
-    .add_links = string_add_links,
-    .assemble = string_assemble,
-    .joints_to_links = string_joints_to_links,
-    .link_product = string_link_product,
-    .add_turning = string_add_turning,
-    .finish_joints = string_finish_joints,
-    .ring_product = string_ring_product,
-    .move_links = string_move_links,
-    .mount_row = string_mount_row,
-    .finish_moved = string_finish_moved,
+    .blocks_product = blocks_product_string,
+    .states_product = states_product_string,
+    .row_runs = row_runs_string,
+    .add_column = add_column_string,
+    .restore_states = restore_states_string,
     .sum_runs = sum_runs,
 };

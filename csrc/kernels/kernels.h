@@ -146,11 +146,17 @@ typedef struct bd_blocks {
   double k, bending, damping;
   const double *cos, *sin, *spin;
   double *xx, *xy, *yx, *yy, *pp;
-  /* Contact along the links, where `full`: the diagonal's xp, yp, px, py; and what couples a link
-   * to the one before it, and that one to it, by rows. Of a string, whose masses have x and y, the
-   * first four of each are the whole coupling. */
-  double *xp, *yp, *px, *py, *back[9], *forward[9];
+  const double *tiles; /* where `full`: all blocks, of n nodes (bd_assembled) */
+  int n;
 } bd_blocks;
+
+/* The ring's matrices, for one g: W = M - g F_v - g^2 F_q, which is solved, and Q = g^2 F_q,
+ * friction states eliminated. By tiles of BD_LANES nodes: blocks that couple a node to the one
+ * before it, to itself, and to the one ahead, each by rows. A link's unknown angle is that of its
+ * end in W (half its length times phi), phi in Q. */
+typedef struct bd_assembled {
+  double *w, *q;
+} bd_assembled;
 
 /* The joints as linearised, by link: direction, angular velocity, and the joints' pull along the
  * link over half its length; for one g, what turning it does to the forces at its ends. */
@@ -188,32 +194,52 @@ typedef struct bd_contact_tangent {
   double *decay_factor;        /* what the step leaves of a given change of z: 1 / (1 + g decay) */
 } bd_contact_tangent;
 
-/* Contact of one pulley along the links as linearised (link_contact_tangent.h), valid in the runs.
- * By link, of its left and right end: outward normal, N, N / rho and v_t / rho; the two normal
- * forces by p_a, p_b, p_a', p_b', those of the left end first; what N will be at the end of a step
- * beyond its tangent. By joint: normal, rho, friction force F, F / rho, v_n / rho; F and the
- * state's rate by slip, state (decay: of opposite sign) and normal force; F and the rate by p_a,
- * p_b, p_a', p_b' of the link before, then of the link behind the joint. */
-typedef struct bd_link_tangent {
-  double *nx[2], *ny[2], *normal[2], *normal_over_rho[2], *around[2], *by[8], *correction[2];
-  double *joint_nx, *joint_ny, *rho, *force, *force_over_rho, *apart;
-  double *by_slip, *by_state, *by_normal, *gain, *decay, *gain_normal;
-  double *direct[8], *gains[8];
-  /* For one g: F and the state at the end of the step, after what the state does within it. */
-  double *slip, *total[8], *given_state, *state_by_slip, *state_by[8], *decay_factor;
-} bd_link_tangent;
+/* --- contact along the links: link_contact_tangent.h, contact_points.h --- */
 
-/* Shared by all pulleys: as linearised, contact and what p_a, p_b do to the shares (left, right)
- * and to their rates; for one g, columns of the joints' forces by both links' unknowns, the forces
- * themselves, a pulley's row by both links' unknowns, what turning a link does to its moment. */
-typedef struct bd_link_scratch {
+/* What a fill is for: the state y; g; and the step h that contact is seen at the end of, as long as
+ * there is a rate c, to which is added what forces will be beyond their tangent. */
+typedef struct bd_fill {
+  const double *y;
+  double g, h;
+  double *c;
+} bd_fill;
+
+/* What it returns: the pulley's own entry of W; torque and force of what is beyond the tangent. */
+typedef struct bd_fill_sums {
+  double own, torque, force[2];
+} bd_fill_sums;
+
+enum { BD_END_ROWS = 16, BD_POINT_ROWS = 58 };
+
+/* Shared by all pulleys: the joints where linearised; contact; of the segments' left and right ends
+ * the normal force beyond its tangent, and rows by the columns of the segment; what stands with
+ * points (contact_points.h). */
+typedef struct bd_contact_scratch {
+  bd_points points;
   bd_pressure pressure;
-  double *share_by[4], *rate_by[4];
-  double *before[6], *behind[6];
-  bd_end_forces forces;
-  double *row_before[3], *row_behind[3];
-  double *turning;
-} bd_link_scratch;
+  double *correction[2], *end[2][BD_END_ROWS], *point[BD_POINT_ROWS];
+} bd_contact_scratch;
+
+/* What solves need of a pulley's friction, by point: its states by the six columns, times what the
+ * step does (decay: what it leaves of a given change), by the pulley's spin, and what a given state
+ * is worth; slip by the columns and by the spin. */
+typedef struct bd_slot {
+  double *zq[6], *zv[6], *decay, *spin, *given_x, *given_y, *given_torque;
+  double *sq[6], *sv[6], *rho;
+} bd_slot;
+
+/* A body in the border: its rows of W and of Q and its column, fields by node at the layout's
+ * stride; of a mount the column of its given travel. */
+typedef struct bd_body {
+  double *w, *q, *column, *given;
+} bd_body;
+
+/* The axis of a pulley on a mount: it moves along a with the travel, and a turns with it by bend,
+ * times g and the speed. */
+typedef struct bd_axis {
+  double a[2], bend[2];
+  const bd_body *body;
+} bd_axis;
 
 /* The ring cut into arcs: row j of arc a is link base[a] + j. */
 typedef struct bd_ring {
@@ -236,7 +262,7 @@ typedef struct bd_newton_kernels {
                    const bd_blocks *blocks);
   void (*joints_product)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
                          const double *c, double *x, double *y, double *p);
-  void (*finish_links)(const bd_links *links, const bd_stage *stage, int n_columns,
+  void (*finish_nodes)(const bd_links *links, const bd_stage *stage, int n_columns,
                        const double *columns, const double *factors, const double *x,
                        const double *y, const double *p, double *c);
   /* Variants [law]; below [BD_FORM_...]. */
@@ -259,48 +285,29 @@ typedef struct bd_newton_kernels {
                                      double angular_acceleration, double *c);
   double (*border_row)(int n_runs, const bd_run *runs, const bd_contact_tangent *contact,
                        const double *x, const double *y);
-  /* The same of contact along the links (link_contact_jacobian.h). */
-  void (*linearise_links[BD_N_LAWS])(const bd_links *links, const bd_tangent *tangent,
-                                     const bd_contact_pulley *pulley, int n_runs,
-                                     const bd_run *runs, const bd_points *points,
-                                     const bd_link_scratch *scratch, const double *y,
-                                     const bd_link_tangent *contact, double h);
-  double (*add_link_correction)(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                                const bd_run *runs, const bd_link_tangent *contact,
-                                const bd_end_forces *out, double *c);
-  double (*add_links)(const bd_links *links, const bd_tangent *tangent,
-                      const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                      const bd_link_tangent *contact, double g, const bd_blocks *blocks,
-                      const bd_link_scratch *scratch, double *column_x, double *column_y,
-                      double *row);
-  void (*assemble)(const bd_links *links, const bd_tangent *tangent, double g,
-                   const bd_link_scratch *scratch, const bd_blocks *blocks);
-  void (*joints_to_links)(const bd_links *links, const bd_tangent *tangent, double *fx, double *fy,
-                          double *x, double *y, double *p);
-  double (*link_product)(const bd_links *links, const bd_tangent *tangent,
-                         const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                         const bd_link_tangent *contact, double g, const double *c, double *fx,
-                         double *fy, double *x, double *y, double *p);
-  void (*add_turning)(const bd_layout *lay, const double *turning, double g, const double *c,
-                      double *p);
-  void (*finish_joints)(const bd_links *links, const bd_tangent *tangent,
-                        const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                        const bd_link_tangent *contact, double g, double angular_acceleration,
-                        double *c);
-  double (*ring_product)(const bd_layout *lay, const double *const row[3], const double *x,
-                         const double *y, const double *p);
-  /* Pulleys whose axes move (link_mount.h). */
-  double (*move_links)(const bd_links *links, const bd_tangent *tangent,
-                       const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                       const bd_link_tangent *contact, const double move[4], double factor,
-                       double *fx, double *fy, double *x, double *y, double *p, double force[2]);
-  void (*mount_row)(const bd_links *links, const bd_tangent *tangent,
-                    const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                    const bd_link_tangent *contact, const bd_link_scratch *scratch, double g,
-                    const double a[2], double *row);
-  void (*finish_moved)(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
-                       const bd_run *runs, const bd_link_tangent *contact, double g,
-                       const double move[4], double *c);
+  /* Belts by assembled blocks. The ring without contact, stored; contact of a pulley, added [law];
+   * products with given vectors; rows of bodies; states of friction and slip. */
+  void (*fill_ring)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
+                    const bd_blocks *b, const bd_assembled *out);
+  bd_fill_sums (*fill_pulley[BD_N_LAWS])(const bd_links *links, const bd_tangent *tangent,
+                                         const bd_contact_pulley *pulley, int n_runs,
+                                         const bd_run *runs, const bd_fill *fill,
+                                         const bd_contact_scratch *scratch, const bd_assembled *out,
+                                         const bd_slot *slot, const bd_body *body,
+                                         const bd_axis *axis);
+  void (*blocks_product)(const bd_layout *lay, double *q, const double *cq, const double *cv,
+                         const double *mass, double *const *r);
+  void (*states_product)(const bd_layout *lay, const bd_tangent *tangent, int n_runs,
+                         const bd_run *runs, int states, const bd_slot *slot, const double *cz,
+                         double *const *to, double *sums);
+  double (*row_runs)(const bd_layout *lay, int n_runs, const bd_run *runs, const double *row,
+                     const double *const *v);
+  void (*add_column)(const bd_layout *lay, int n_runs, const bd_run *runs, const double *column,
+                     double factor, double *const *r);
+  void (*restore_states)(const bd_layout *lay, int n_runs, const bd_run *runs, int states,
+                         const bd_slot *slot, const double *link_mask, double spin,
+                         const double *move, const double *cq, const double *cv, double *cz,
+                         double *cslip);
   double (*sum_runs)(int n_runs, const bd_run *runs, const double *array);
 } bd_newton_kernels;
 

@@ -1,8 +1,19 @@
 /* SPDX-License-Identifier: MIT
  *
- * Contact along the links as linearised at a state: normal forces, shares and friction, and what
- * penetrations p and their rates p' of the links' ends do to them. Compiled once per instruction
- * level, in jacobian.h; names as in link_geometry.h.
+ * Contact along the links, or along the bars of a string, in the linear systems: into the blocks W
+ * and Q, the rows and columns of bodies, and what solves need of the states of friction. Compiled
+ * once per instruction level, in jacobian.h; names as in link_geometry.h.
+ *
+ * A segment is a link, with its three unknowns for columns, or a bar, with those of its two masses.
+ * An end of a link moves by dr = d(x, y) -+ e' p and dv = d(v_x, v_y) -+ e' p_v +- w e p, upper
+ * signs at the left end, p = l0/2 dphi; there dp = -n.dr, dp' = -n.dv - (v_t / rho) t.dr. Friction
+ * acts at points: the joints, which are the mean of two ends and give each half of their force, or
+ * the masses themselves. A point sees the six unknowns of the two segments that meet there. A force
+ * at a link's end acts on it by (1, -+e')^T, which turns with it.
+ *
+ * First the segments: normal forces, kept as rows by their columns. Then the points: friction, its
+ * states eliminated. Last what points are worth to links. All entries are Q's, g^2 F_q; and W's,
+ * -(g F_v + g^2 F_q).
  */
 #include "kernels/link_geometry.h"
 
@@ -100,189 +111,237 @@ INLINE void correct(const bd_contact_pulley *pulley, const link_end *ends, doubl
   }
 }
 
-/* Links: normal forces, shares, and what p and p' of the ends do to them. */
-INLINE void linearise_normals(const bd_links *links, const bd_tangent *tangent,
-                              const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                              const bd_link_scratch *scratch, const double *y,
-                              const bd_link_tangent *contact, double h, const int string,
-                              const int hunt_crossley) {
-  const bd_link_tangent t = *contact;
+/* --- segments -------------------------------------------------------------------------------- */
+
+/* Columns of a segment. */
+INLINE int columns_of(const int belt) {
+  return belt == STRING ? 4 : 3;
+}
+
+/* By the columns of a segment: p of its ends, p' by positions (by velocities it is p by positions),
+ * and the move along the pulley. Of a bar only the two columns of its end's own mass are set. */
+typedef struct segment_rows {
+  vec press[2][4], rate[2][4], along[2][4];
+} segment_rows;
+
+INLINE segment_rows rows_of(const bd_tangent *tangent, const vec *nx, const vec *ny,
+                            const vec *around, int i, const int belt) {
+  segment_rows r;
+  for (int e = 0; e < 2; ++e) {
+    const int k = belt == STRING ? 2 * e : 0;
+    r.press[e][k] = -nx[e];
+    r.press[e][k + 1] = -ny[e];
+    r.along[e][k] = -ny[e];
+    r.along[e][k + 1] = nx[e];
+    r.rate[e][k] = around[e] * ny[e];
+    r.rate[e][k + 1] = -(around[e] * nx[e]);
+    if (belt != STRING) {
+      const vec c = load(tangent->cos + i), s = load(tangent->sin + i);
+      const vec w = load(tangent->spin + i), wc = w * c, ws = w * s;
+      const vec x = e == 0 ? s : -s, y = e == 0 ? -c : c; /* the end's move by p, its rate */
+      const vec vx = e == 0 ? wc : -wc, vy = e == 0 ? ws : -ws;
+      r.press[e][2] = -fma_(nx[e], x, ny[e] * y);
+      r.along[e][2] = fnma_(ny[e], x, nx[e] * y);
+      r.rate[e][2] = -fma_(around[e], r.along[e][2], fma_(nx[e], vx, ny[e] * vy));
+    }
+  }
+  return r;
+}
+
+/* What depends on p_a, p_b, p_a', p_b' by l, by a segment's columns: positions, velocities. */
+INLINE void row_of(const vec *l, const segment_rows *r, vec *q, vec *v, const int belt) {
+  for (int k = 0; k < columns_of(belt); ++k) {
+    if (belt == STRING) {
+      const int e = k / 2;
+      v[k] = l[2 + e] * r->press[e][k];
+      q[k] = fma_(l[e], r->press[e][k], l[2 + e] * r->rate[e][k]);
+    } else {
+      v[k] = fma_(l[2], r->press[0][k], l[3] * r->press[1][k]);
+      q[k] = fma_(l[0], r->press[0][k],
+                  fma_(l[1], r->press[1][k], fma_(l[2], r->rate[0][k], l[3] * r->rate[1][k])));
+    }
+  }
+}
+
+/* Adds to a rate what a force does to nodes. */
+INLINE void accelerate(const bd_links *links, double *c, int i, link_force f, const int belt) {
+  double *v = bd_field(&links->lay, c, F_VX);
+  add_to(v, i, splat(links->inv_mass) * f.x);
+  add_to(v + links->lay.stride, i, splat(links->inv_mass) * f.y);
+  if (belt != STRING) {
+    add_to(v + 2 * links->lay.stride, i, splat(links->half * links->inv_inertia) * f.p);
+  }
+}
+
+/* What is filled and from where: the same for all vectors of a pulley. */
+typedef struct filling {
+  const bd_links *links;
+  const bd_tangent *tangent;
+  const bd_contact_pulley *pulley;
+  const bd_fill *of;
+  const bd_contact_scratch *scratch;
+  const bd_assembled *blocks;
+  const bd_body *body;
+  const bd_axis *axis; /* NULL: it does not move */
+  vec g, g2, arm;
+} filling;
+
+typedef struct vec_sums {
+  vec own, torque, x, y;
+} vec_sums;
+
+/* A mount's column, and the one of its given travel, of forces that a move of the nodes along an
+ * axis k makes: q by positions, v by velocities. */
+INLINE void against_axis(const bd_axis *axis, const int k, vec q, vec v, vec *column, vec *given) {
+  const vec a = splat(axis->a[k]), b = splat(axis->bend[k]);
+  const vec turned = fma_(b, v, a * q);
+  *column += fma_(a, v, turned);
+  *given -= turned;
+}
+
+/* Normal forces of links into their diagonal blocks. */
+INLINE void fill_normals(const filling *f, const segment_rows *r, vec (*q)[4], vec (*v)[4],
+                         const vec *nx, const vec *ny, const vec *n, const vec *over, int i) {
+  const vec c = load(f->tangent->cos + i), s = load(f->tangent->sin + i), none = splat(0.0);
+  const vec pull = fma_(c, n[1] * nx[1] - n[0] * nx[0], s * (n[1] * ny[1] - n[0] * ny[0]));
+  const vec turning = f->g2 / f->arm * pull;
+  const int stride = f->links->lay.stride;
+  vec column[3] = {none, none, none}, given[3] = {none, none, none};
+  for (int k = 0; k < 3; ++k) {
+    vec qx[2], qy[2], vx[2], vy[2];
+    for (int e = 0; e < 2; ++e) {
+      const vec along = over[e] * r->along[e][k];
+      qx[e] = fnma_(along, ny[e], q[e][k] * nx[e]);
+      qy[e] = fma_(along, nx[e], q[e][k] * ny[e]);
+      vx[e] = v[e][k] * nx[e];
+      vy[e] = v[e][k] * ny[e];
+    }
+    const link_force fq = force_of_ends(c, s, qx[0], qy[0], qx[1], qy[1]);
+    const link_force fv = force_of_ends(c, s, vx[0], vy[0], vx[1], vy[1]);
+    vec dq[3] = {f->g2 * fq.x, f->g2 * fq.y, f->g2 * fq.p};
+    const vec dv[3] = {f->g * fv.x, f->g * fv.y, f->g * fv.p};
+    dq[2] = k == 2 ? dq[2] - turning : dq[2];
+    for (int u = 0; u < 3; ++u) {
+      double *const at = entry_of(f->blocks->q, 3, i, 1, 3 * u + k);
+      store(at, k == 2 ? fma_(f->arm, dq[u], load(at)) : load(at) + dq[u]);
+      add_to(entry_of(f->blocks->w, 3, i, 1, 3 * u + k), 0, -(dq[u] + dv[u]));
+    }
+    if (f->axis) {
+      const vec ax = splat(f->axis->a[0]), ay = splat(f->axis->a[1]);
+      const vec by_q = fma_(ax, dq[0], ay * dq[1]), by_v = fma_(ax, dv[0], ay * dv[1]);
+      store(f->axis->body->q + k * stride + i, k == 2 ? -(f->arm * by_q) : -by_q);
+      store(f->axis->body->w + k * stride + i, by_q + by_v);
+      for (int u = 0; k < 2 && u < 3; ++u) {
+        against_axis(f->axis, k, dq[u], dv[u], &column[u], &given[u]);
+      }
+    }
+  }
+  for (int u = 0; f->axis && u < 3; ++u) {
+    store(f->axis->body->column + u * stride + i, column[u]);
+    store(f->axis->body->given + u * stride + i, given[u]);
+  }
+}
+
+/* Nothing is in contact, nor will be. */
+INLINE void clear_segments(const filling *f, int i, const int belt) {
+  const bd_contact_scratch *scratch = f->scratch;
+  const bd_pressure p = scratch->pressure;
+  double *const arrays[] = {
+      p.left,      p.right,      p.share_left,           p.share_right,
+      p.rate_left, p.rate_right, scratch->correction[0], scratch->correction[1]};
+  for (size_t k = 0; k < sizeof arrays / sizeof arrays[0]; ++k) {
+    store(arrays[k] + i, splat(0.0));
+  }
+  for (int k = 0; k < 4 * columns_of(belt); ++k) {
+    store(scratch->end[0][k] + i, splat(0.0));
+    store(scratch->end[1][k] + i, splat(0.0));
+  }
+  for (int k = i; f->axis && belt != STRING && k < i + 3 * f->links->lay.stride;
+       k += f->links->lay.stride) {
+    store(f->axis->body->q + k, splat(0.0));
+    store(f->axis->body->w + k, splat(0.0));
+    store(f->axis->body->column + k, splat(0.0));
+    store(f->axis->body->given + k, splat(0.0));
+  }
+}
+
+/* Segments: normal forces, shares, and their rows. */
+INLINE void press_segments(const filling *f, int i, vec_sums *sums, const int belt,
+                           const int hunt_crossley) {
+  const bd_contact_scratch *scratch = f->scratch;
   const bd_pressure to = scratch->pressure;
-  const vec radius = splat(pulley->radius), none = splat(0.0), one = splat(1.0);
-  const vec half = splat(0.5);
-  for (int r = 0; r < n_runs; ++r) {
-    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
-      const mask link = less(none, load(links->link_mask + i));
-      const link_place at = place_of(links, pulley, y, tangent->cos, tangent->sin, i, string);
-      const link_end ends[2] = {end_at(&at, 0, radius), end_at(&at, 1, radius)};
-      normal_linear n = normals_of(pulley, ends, hunt_crossley);
-      vec correction[2] = {none, none};
-      if (h > 0.0) {
-        correct(pulley, ends, h, &n, correction, hunt_crossley);
-      }
-      const contact_part part = n.part;
-      const vec normal[2] = {where(link, n.force[0]), where(link, n.force[1])};
-      for (int m = 0; m < 8; ++m) {
-        store(t.by[m] + i, where(link, n.by[m]));
-      }
-      for (int e = 0; e < 2; ++e) {
-        store(t.nx[e] + i, ends[e].nx);
-        store(t.ny[e] + i, ends[e].ny);
-        store(t.around[e] + i, ends[e].around * ends[e].inv_rho);
-        store(t.normal[e] + i, normal[e]);
-        store(t.normal_over_rho[e] + i, normal[e] * ends[e].inv_rho);
-        store(t.correction[e] + i, where(link, correction[e]));
-      }
-      const vec of_right = half * fnma_(part.x0, part.x0, part.x1 * part.x1);
-      const vec turning = part.moves * part.cut_rate, kept = one - part.cut;
-      store(to.left + i, normal[0]);
-      store(to.right + i, normal[1]);
-      store(to.share_left + i, part.x1 - part.x0 - of_right);
-      store(to.share_right + i, of_right);
-      store(to.rate_left + i, turning * kept);
-      store(to.rate_right + i, turning * part.cut);
-      for (int e = 0; e < 2; ++e) {
-        const vec place = part.moves * n.cut_by[e], rate = part.moves * n.cut_rate_by[e];
-        store(scratch->share_by[e] + i, kept * place);
-        store(scratch->share_by[2 + e] + i, part.cut * place);
-        store(scratch->rate_by[e] + i, fnma_(part.cut_rate, place, kept * rate));
-        store(scratch->rate_by[2 + e] + i, fma_(part.cut_rate, place, part.cut * rate));
-      }
+  const vec radius = splat(f->pulley->radius), none = splat(0.0), one = splat(1.0);
+  const vec step = splat(f->of->c ? f->of->h : 0.0);
+  const int columns = columns_of(belt);
+  const mask link = less(none, load(f->links->link_mask + i));
+  const link_place at =
+      place_of(f->links, f->pulley, f->of->y, f->tangent->cos, f->tangent->sin, i, belt == STRING);
+  const link_end ends[2] = {end_at(&at, 0, radius), end_at(&at, 1, radius)};
+  const vec soon[2] = {fma_(step, ends[0].rate, ends[0].p), fma_(step, ends[1].rate, ends[1].p)};
+  if (!any(less(none, larger(larger(ends[0].p, ends[1].p), larger(soon[0], soon[1]))))) {
+    clear_segments(f, i, belt);
+    return;
+  }
+  normal_linear n = normals_of(f->pulley, ends, hunt_crossley);
+  vec nx[2], ny[2], around[2], normal[2], over[2], q[2][4], v[2][4];
+  if (f->of->c) {
+    vec more[2];
+    correct(f->pulley, ends, f->of->h, &n, more, hunt_crossley);
+    for (int e = 0; e < 2; ++e) {
+      more[e] = where(link, more[e]);
+      store(scratch->correction[e] + i, more[e]);
+    }
+    if (belt != STRING) {
+      const link_force by =
+          force_of_ends(load(f->tangent->cos + i), load(f->tangent->sin + i), more[0] * ends[0].nx,
+                        more[0] * ends[0].ny, more[1] * ends[1].nx, more[1] * ends[1].ny);
+      accelerate(f->links, f->of->c, i, by, belt);
+      sums->x += by.x;
+      sums->y += by.y;
     }
   }
-  double *const closed[] = {to.right,
-                            to.share_right,
-                            to.rate_right,
-                            scratch->share_by[2],
-                            scratch->share_by[3],
-                            scratch->rate_by[2],
-                            scratch->rate_by[3],
-                            t.by[4],
-                            t.by[5],
-                            t.by[6],
-                            t.by[7],
-                            t.nx[0],
-                            t.nx[1],
-                            t.ny[0],
-                            t.ny[1],
-                            t.around[0],
-                            t.around[1],
-                            t.normal_over_rho[1],
-                            t.correction[1]};
-  close_runs(closed, sizeof closed / sizeof closed[0], n_runs, runs, links->lay.n, 0.0);
-}
-
-/* A state of friction at joints: what it does to the force; its rate by slip, itself, and all that
- * p and p' of the four ends do to it, through N, the share and, while belt comes into contact, the
- * rate of that. Into the rows that begin at `row`. */
-INLINE void linearise_state(const bd_link_scratch *scratch, const joint_contact *joint,
-                            const law_at *at, const law_slopes *slopes, int row, int i,
-                            const bd_link_tangent *t, const int general) {
-  const vec none = splat(0.0), share = general ? joint->share : splat(1.0);
-  const int k = row + i;
-  store(t->by_state + k, where(joint->touch, share * slopes->by_state));
-  store(t->gain + k, where(joint->touch, slopes->rate_by_slip));
-  store(t->decay + k, where(joint->touch, joint->fresh - slopes->rate_by_state));
-  const vec gain_normal =
-      general ? where(joint->touch, slopes->rate_by_normal * joint->inv_share) : none;
-  store(t->gain_normal + k, gain_normal);
-  const vec per_share = where(less(none, joint->fresh), at->z / (joint->share + splat(FRESH)));
-  const vec gain_share = fnma_(gain_normal, at->normal, joint->fresh * per_share);
-  for (int m = 0; m < 4; ++m) {
-    const vec before = load_unaligned(t->by[4 + m] + i - 1), behind = load(t->by[m] + i);
-    vec gain[2] = {gain_normal * before, gain_normal * behind};
-    for (int side = 0; side < 2; ++side) {
-      const double *share_by = scratch->share_by[2 * (1 - side) + m % 2] + i - (1 - side);
-      const double *rate_by = scratch->rate_by[2 * (1 - side) + m % 2] + i - (1 - side);
-      const vec place = load_unaligned(share_by);
-      if (m < 2) {
-        gain[side] = fma_(gain_share, place, gain[side]);
-        gain[side] = fnma_(per_share, load_unaligned(rate_by), gain[side]);
-      } else {
-        gain[side] = fnma_(per_share, place, gain[side]);
+  const contact_part part = n.part;
+  const vec right = splat(0.5) * fnma_(part.x0, part.x0, part.x1 * part.x1);
+  const vec turning = part.moves * part.cut_rate, kept = one - part.cut;
+  for (int e = 0; e < 2; ++e) {
+    nx[e] = where(link, ends[e].nx);
+    ny[e] = where(link, ends[e].ny);
+    around[e] = where(link, ends[e].around * ends[e].inv_rho);
+    normal[e] = where(link, n.force[e]);
+    over[e] = where(link, n.force[e] * ends[e].inv_rho);
+  }
+  store(to.left + i, normal[0]);
+  store(to.right + i, normal[1]);
+  store(to.share_left + i, part.x1 - part.x0 - right);
+  store(to.share_right + i, right);
+  store(to.rate_left + i, turning * kept);
+  store(to.rate_right + i, turning * part.cut);
+  const segment_rows r = rows_of(f->tangent, nx, ny, around, i, belt);
+  const int moves = any(less(none, part.moves * part.moves));
+  for (int e = 0; e < 2; ++e) {
+    double *const *const row = scratch->end[e];
+    const vec by[4] = {where(link, n.by[4 * e]), where(link, n.by[4 * e + 1]),
+                       where(link, n.by[4 * e + 2]), where(link, n.by[4 * e + 3])};
+    row_of(by, &r, q[e], v[e], belt);
+    vec share[4] = {none, none, none, none}, rate[4] = {none, none, none, none};
+    if (moves) {
+      const vec side = part.moves * (e == 0 ? kept : part.cut);
+      const vec change = part.moves * (e == 0 ? -part.cut_rate : part.cut_rate);
+      vec l[4];
+      for (int m = 0; m < 2; ++m) {
+        l[2 + m] = side * n.cut_by[m];
+        l[m] = fma_(change, n.cut_by[m], side * n.cut_rate_by[m]);
       }
-      store(t->gains[4 * side + m] + k, where(joint->touch, gain[side]));
+      row_of(l, &r, rate, share, belt);
+    }
+    for (int k = 0; k < columns; ++k) {
+      store(row[k] + i, q[e][k]);
+      store(row[columns + k] + i, v[e][k]);
+      store(row[2 * columns + k] + i, share[k]);
+      store(row[3 * columns + k] + i, rate[k]);
     }
   }
-}
-
-/* Joints: friction, by slip, states, and all that p and p' of the four ends do to it. */
-INLINE void linearise_friction(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                               const bd_run *runs, const bd_points *points,
-                               const bd_link_scratch *scratch, const double *y,
-                               const bd_link_tangent *contact, const int law, const int general,
-                               const int states, const int string) {
-  const bd_layout *lay = &links->lay;
-  const joint_points from = points_of(lay, points, y, string);
-  const bd_link_tangent t = *contact;
-  const double *zs = bd_cfield(lay, y, bd_f_state(lay, pulley->slot));
-  const vec cx = splat(pulley->x), cy = splat(pulley->y), none = splat(0.0);
-  const vec cu = splat(pulley->vx), cv = splat(pulley->vy), omega = splat(pulley->omega);
-  const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
-  for (int r = 0; r < n_runs; ++r) {
-    for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
-      const joint_contact joint = joint_contact_of(links, &scratch->pressure, i);
-      const vec dx = load(from.x + i) - cx, dy = load(from.y + i) - cy;
-      vec rho, inv;
-      root_and_inverse(fma_(dx, dx, dy * dy), &rho, &inv);
-      const vec nx = dx * inv, ny = dy * inv;
-      const vec ux = load(from.vx + i) - cu, uy = load(from.vy + i) - cv;
-      law_at at = {.v = where(joint.touch, fnma_(omega, rho, fnma_(ux, ny, uy * nx))),
-                   .normal = general ? joint.normal * joint.inv_share : joint.normal,
-                   .touch = joint.touch};
-      const vec share = general ? joint.share : splat(1.0);
-      vec value = none, force_by_normal = none, by_slip = none;
-      for (int e = 0; e < law_elements(pulley, states); ++e) {
-        at.element = e;
-        at.z = states != 0 ? load(zs + e * lay->stride + i) : none;
-        const law_slopes slopes = law_slopes_of(&constants, &at, law);
-        const vec force = law_value_of(&constants, &at, law).force;
-        value = e == 0 ? force : value + force;
-        force_by_normal = e == 0 ? slopes.by_normal : force_by_normal + slopes.by_normal;
-        by_slip = e == 0 ? slopes.by_slip : by_slip + slopes.by_slip;
-        if (states != 0) {
-          linearise_state(scratch, &joint, &at, &slopes, e * lay->stride, i, &t, general);
-        }
-      }
-      const vec force = where(joint.touch, share * value);
-      store(t.joint_nx + i, where(joint.touch, nx));
-      store(t.joint_ny + i, where(joint.touch, ny));
-      store(t.rho + i, where(joint.touch, rho));
-      store(t.force + i, force);
-      store(t.force_over_rho + i, force * inv);
-      store(t.apart + i, where(joint.touch, fma_(ux, nx, uy * ny) * inv));
-      const vec by_normal = where(joint.touch, force_by_normal);
-      store(t.by_normal + i, by_normal);
-      store(t.by_slip + i, where(joint.touch, share * by_slip));
-      const vec by_share =
-          general ? where(joint.touch, fnma_(force_by_normal, at.normal, value)) : none;
-      for (int m = 0; m < 4; ++m) {
-        const vec before = load_unaligned(t.by[4 + m] + i - 1), behind = load(t.by[m] + i);
-        vec direct[2] = {by_normal * before, by_normal * behind};
-        for (int side = 0; side < 2; ++side) {
-          if (m < 2) {
-            const double *share_by = scratch->share_by[2 * (1 - side) + m % 2] + i - (1 - side);
-            direct[side] = fma_(by_share, load_unaligned(share_by), direct[side]);
-          }
-          store(t.direct[4 * side + m] + i, where(joint.touch, direct[side]));
-        }
-      }
-    }
-  }
-}
-
-INLINE void linearise_links(const bd_links *links, const bd_tangent *tangent,
-                            const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                            const bd_points *points, const bd_link_scratch *scratch,
-                            const double *y, const bd_link_tangent *contact, double h,
-                            const int law, const int general, const int states, const int string) {
-  if (pulley->hunt_crossley > 0.0) {
-    linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h, string, 1);
-  } else {
-    linearise_normals(links, tangent, pulley, n_runs, runs, scratch, y, contact, h, string, 0);
-  }
-  if (law != BD_LAW_NONE) {
-    linearise_friction(links, pulley, n_runs, runs, points, scratch, y, contact, law, general,
-                       states, string);
+  if (belt != STRING) {
+    fill_normals(f, &r, q, v, nx, ny, normal, over, i);
   }
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * What contact along the links (MODEL section 3, mesh "joint") is made of, for the rate
- * (link_contact.h) and its derivatives (link_contact_jacobian.h).
+ * (link_contact.h) and its derivatives (link_contact_tangent.h).
  *
  * Penetration runs linearly between the two ends of a link, p(x) = (1 - x) p_a + x p_b, and the
  * contact is the part of it where p > 0. With q = max(0, c1 p^2 + c2 p + b p'), by two Gauss points

@@ -291,11 +291,9 @@ INLINE ring_link link_of(const bd_blocks *b, const ptrdiff_t *at, const int j, v
   return (ring_link){.ex = -s, .ey = c, .qx = fma_(k, s, turn * c), .qy = fnma_(k, c, turn * s)};
 }
 
-/* Coupling of a link to the one behind it, and of that one to it: of the joint, and where blocks
- * are full, of the contact there as well. */
-INLINE void couple(const bd_blocks *b, const ptrdiff_t *at, const int j, const ring_link *behind,
-                   const ring_link *here, vec k, vec bending, vec *back, vec *forward,
-                   const int full) {
+/* Coupling of a link to the one behind it, and of that one to it. */
+INLINE void couple(const ring_link *behind, const ring_link *here, vec k, vec bending, vec *back,
+                   vec *forward) {
   forward[0] = forward[4] = -k;
   forward[1] = forward[3] = splat(0.0);
   forward[2] = -here->qx;
@@ -303,25 +301,21 @@ INLINE void couple(const bd_blocks *b, const ptrdiff_t *at, const int j, const r
   forward[6] = -k * behind->ex;
   forward[7] = -k * behind->ey;
   forward[8] = -fma_(behind->ex, here->qx, behind->ey * here->qy) - bending;
-  const vec corner = -fma_(here->ex, behind->qx, here->ey * behind->qy) - bending;
-  if (!full) {
-    back[0] = behind->qx;
-    back[1] = behind->qy;
-    back[2] = k * here->ex;
-    back[3] = k * here->ey;
-    back[4] = corner;
-    return;
-  }
-  back[0] = back[4] = -k;
-  back[1] = back[3] = splat(0.0);
-  back[2] = behind->qx;
-  back[5] = behind->qy;
-  back[6] = k * here->ex;
-  back[7] = k * here->ey;
-  back[8] = corner;
-  for (int i = 0; i < 9; ++i) {
-    back[i] += gather(b->back[i] + j, at);
-    forward[i] += gather(b->forward[i] + j, at);
+  back[0] = behind->qx;
+  back[1] = behind->qy;
+  back[2] = k * here->ex;
+  back[3] = k * here->ey;
+  back[4] = -fma_(here->ex, behind->qx, here->ey * behind->qy) - bending;
+}
+
+/* Where the arcs' rows j stand in tiles of d x d blocks, and the nodes behind them. */
+INLINE void tiles_of(const bd_blocks *b, const ptrdiff_t *at, const int j, const int d,
+                     ptrdiff_t *here, ptrdiff_t *behind) {
+  const ptrdiff_t tile = 3 * d * d * BD_LANES;
+  for (int a = 0; a < WIDTH; ++a) {
+    const ptrdiff_t i = at[a] + j, l = i > 0 ? i - 1 : b->n - 1;
+    here[a] = i / BD_LANES * tile + i % BD_LANES;
+    behind[a] = l / BD_LANES * tile + l % BD_LANES;
   }
 }
 
@@ -332,17 +326,25 @@ typedef struct elimination {
   vec d[9], lu[9], left[9], to_separator[9], own[9];
 } elimination;
 
-INLINE void set_diagonal(elimination *e, const bd_blocks *b, const ptrdiff_t *at, const int j,
-                         const int full) {
+/* A row's blocks where they are full, and what couples the one behind to it. */
+INLINE void load_row(elimination *e, const bd_blocks *b, const ptrdiff_t *at, const int j,
+                     vec *back, vec *forward) {
+  ptrdiff_t here[WIDTH], behind[WIDTH];
+  tiles_of(b, at, j, 3, here, behind);
+  for (int i = 0; i < 9; ++i) {
+    back[i] = gather(b->tiles + i * BD_LANES, here);
+    e->d[i] = gather(b->tiles + (9 + i) * BD_LANES, here);
+    forward[i] = gather(b->tiles + (18 + i) * BD_LANES, behind);
+  }
+}
+
+INLINE void set_diagonal(elimination *e, const bd_blocks *b, const ptrdiff_t *at, const int j) {
   e->d[0] = gather(b->xx + j, at);
   e->d[1] = gather(b->xy + j, at);
   e->d[3] = gather(b->yx + j, at);
   e->d[4] = gather(b->yy + j, at);
   e->d[8] = gather(b->pp + j, at);
-  e->d[2] = full ? gather(b->xp + j, at) : splat(0.0);
-  e->d[5] = full ? gather(b->yp + j, at) : splat(0.0);
-  e->d[6] = full ? gather(b->px + j, at) : splat(0.0);
-  e->d[7] = full ? gather(b->py + j, at) : splat(0.0);
+  e->d[2] = e->d[5] = e->d[6] = e->d[7] = splat(0.0);
 }
 
 /* Frees a row of the one behind it, which keeps what the solves need. */
@@ -390,16 +392,24 @@ INLINE void ring_factor(const bd_ring *ring, const bd_blocks *b, const int full)
   places_of(ring, at);
   const vec k = splat(b->k), bending = splat(b->bending), spin = splat(b->damping);
   const vec shorter = load(ring->shorter), whole = 1.0 - shorter;
-  ring_link behind = link_of(b, at, -1, k, spin);
+  ring_link behind;
+  if (!full) {
+    behind = link_of(b, at, -1, k, spin);
+  }
   elimination e;
   for (int i = 0; i < 9; ++i) {
     e.left[i] = e.to_separator[i] = e.own[i] = e.lu[i] = splat(0.0);
   }
   for (int j = 0; j < m; ++j) {
-    const ring_link here = link_of(b, at, j, k, spin);
     vec *const back = row[j].back, forward[9], coupled[9];
-    couple(b, at, j, &behind, &here, k, bending, back, forward, full);
-    set_diagonal(&e, b, at, j, full);
+    if (full) {
+      load_row(&e, b, at, j, back, forward);
+    } else {
+      const ring_link here = link_of(b, at, j, k, spin);
+      couple(&behind, &here, k, bending, back, forward);
+      set_diagonal(&e, b, at, j);
+      behind = here;
+    }
     if (j > 0) {
       for (int i = 0; i < 9; ++i) {
         coupled[i] = j == 1 ? whole * forward[i] : forward[i];
@@ -418,7 +428,6 @@ INLINE void ring_factor(const bd_ring *ring, const bd_blocks *b, const int full)
       decompose(e.lu, e.d);
       invert(e.lu, row[j].inverse);
     }
-    behind = here;
   }
   /* the separator's row after the arc is that of the arc that follows */
   vec right[9];

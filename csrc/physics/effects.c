@@ -137,7 +137,7 @@ static void carve_contact_tangent(bd_carver *carver, bd_derivatives *out, const 
 }
 
 /* Which links are near which pulley: whether contact is linearised as it stands or as a step of
- * some length finds it depends on the method (bd_newton_linearise_contact). */
+ * some length finds it depends on the method (bd_newton_factor). */
 static void tangent_contact(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {

@@ -88,9 +88,8 @@ int bd_model_solve(const bd_model *model, const bd_state *state, double g, const
   int code = sim_at_state(&sim, model, state, NULL, "lie", err);
   if (code == BD_OK) {
     bd_newton_linearise(&sim->stepper.newton, &sim->stepper.plan, sim->stepper.y);
-    bd_newton_linearise_contact(&sim->stepper.newton, &sim->stepper.plan, sim->stepper.y, 0.0);
     bd_state_put(&model->lay, c, 0.0, 0.0, sim->stepper.stage[1]);
-    bd_newton_factor(&sim->stepper.newton, &sim->stepper.plan, g);
+    bd_newton_factor(&sim->stepper.newton, &sim->stepper.plan, sim->stepper.y, g, 0.0, NULL);
     bd_newton_solve(&sim->stepper.newton, &sim->stepper.plan, sim->stepper.stage[1]);
     k->t = g;
     export_rate(model, sim->stepper.stage[1], k);

@@ -90,11 +90,10 @@ static int call(bd_stepper *stepper, const pass *p) {
     break;
   case JACOBIAN:
     bd_newton_linearise(&stepper->newton, plan, stepper->y);
-    bd_newton_linearise_contact(&stepper->newton, plan, stepper->y,
-                                method->history > 0 ? stepper->h : 0.0);
     break;
   case FACTOR:
-    bd_newton_factor(&stepper->newton, plan, stepper->h);
+    bd_newton_factor(&stepper->newton, plan, stepper->y, stepper->h, stepper->h,
+                     method->history > 0 ? stepper->y_mid : NULL);
     break;
   case EFFECT:
     code = plan->effects[p->effect]->rate(plan, stepper->t, stepper->y, stepper->y_mid, err);

@@ -6,7 +6,7 @@
  *
  *   (1 - gamma h J) d = beta (y_n - y_{n-1}) + gamma h f(t_{n+1}, y_n),   y_{n+1} = y_n + d,
  *
- * J and f at y_n, the set torque at t_{n+1}, contact as bd_newton_linearise_contact sees it: a link
+ * J and f at y_n, the set torque at t_{n+1}, contact as bd_newton_factor sees it: a link
  * that moves by h v round a pulley leaves the tangent by (h v)^2 / (2 rho), 1e-6 m, and a contact a
  * hundred times stiffer than the paper's is pressed by 1e-7 m. Zero-stable for w < 1 + sqrt 2
  * (Hairer, Norsett, Wanner, Solving ODEs I, III.5; steps grow by 2 at most), L-stable at constant
@@ -54,9 +54,6 @@ static int attempt(bd_stepper *stepper, double h, double *error) {
   const double w = order > 1 ? h / stepper->history_h[0] : 0.0;
   const double gamma = (1.0 + w) / (1.0 + 2.0 * w), beta = w * w / (1.0 + 2.0 * w);
   const double g = gamma * h;
-  bd_newton_linearise_contact(&stepper->newton, &stepper->plan, stepper->y, h);
-  bd_newton_factor(&stepper->newton, &stepper->plan, g);
-  ++stepper->nlu;
   double *d = stepper->stage[1];
   if (order > 1) {
     const double a[] = {beta / g, -beta / g};
@@ -66,7 +63,8 @@ static int attempt(bd_stepper *stepper, double h, double *error) {
     memcpy(d, stepper->stage[0], lay->size * sizeof *d);
   }
   bd_implicit_add_torque_by_time(stepper, d, h);
-  bd_newton_add_normal_correction(&stepper->newton, &stepper->plan, d);
+  bd_newton_factor(&stepper->newton, &stepper->plan, stepper->y, g, h, d);
+  ++stepper->nlu;
   code = bd_implicit_prescribe(stepper, h, g, d);
   if (code != BD_OK) {
     return code;

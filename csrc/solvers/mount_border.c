@@ -8,9 +8,8 @@
  * all links by as much the other way. The column of a mount is the contact's answer to that; its
  * row is what moves of the links do to the force on the axis along a; and where the axis has moved,
  * a has turned by a' under the force that there is.
+ * Column and row are filled with the contact of the pulley (kernels/contact_points.h).
  */
-#include <string.h>
-
 #include "solvers/solvers.h"
 
 static bd_run *runs_of(const bd_newton_system *system, int j) {
@@ -21,53 +20,45 @@ static int is_path(const bd_plan *plan, int m) {
   return plan->model->mounts[m].kind == BD_MOUNT_PATH;
 }
 
-/* The move of all links against the axis for a speed `pace` and a travel of the mount. */
-static void against_axis(const bd_mount_tangent *at, double travel, double pace, double move[4]) {
-  for (int k = 0; k < 2; ++k) {
-    move[k] = -travel * at->at.a[k];
-    move[2 + k] = -(pace * at->at.a[k] + travel * at->speed * at->at.bend[k]);
-  }
-}
-
 static double along(const bd_mount_tangent *at, const double force[2]) {
   return at->at.a[0] * force[0] + at->at.a[1] * force[1];
 }
 
-void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m, double g,
-                         double *column) {
-  const bd_layout *lay = &plan->model->lay;
-  const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
-  const bd_tangent *joints = &system->at.joints;
-  const bd_link_scratch *scratch = &system->scratch;
+bd_axis bd_mount_axis(const bd_newton_system *system, const bd_plan *plan, int m, double g) {
+  const bd_mount_tangent *at = &system->at.mounts[m];
+  const double turned = g * at->speed;
+  return (bd_axis){.a = {at->at.a[0], at->at.a[1]},
+                   .bend = {turned * at->at.bend[0], turned * at->at.bend[1]},
+                   .body = &system->bodies[plan->model->lay.np + m]};
+}
+
+/* The sums along x and y of what stands with the nodes near a mount's pulley. */
+static void sum_xy(const bd_newton_system *system, const bd_plan *plan, int m, const double *array,
+                   double sum[2]) {
+  const int j = plan->model->lay.mounted[m];
+  for (int k = 0; k < 2; ++k) {
+    sum[k] = plan->kernels->newton->sum_runs(system->at.n_runs[j], runs_of(system, j),
+                                             array + k * plan->model->lay.stride);
+  }
+}
+
+void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m,
+                         const bd_axis *axis) {
+  const bd_body *pulley = &system->bodies[plan->model->lay.mounted[m]], *own = axis->body;
   const bd_mount_tangent *at = &system->at.mounts[m];
   bd_mount_border *border = &system->mounts[m];
-  const int j = lay->mounted[m], n_runs = system->at.n_runs[j];
-  const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-  const bd_run *runs = runs_of(system, j);
-  const int friction = pulley->law != BD_LAW_NONE;
-  /* of the pulley's own column; the joint after the last link, which is the first one, counts once
-   */
-  system->joint_x[lay->n] = system->joint_y[lay->n] = 0.0;
-  const double spun[2] = {kernels->sum_runs(n_runs, runs, system->joint_x),
-                          kernels->sum_runs(n_runs, runs, system->joint_y)};
-  border->by_spin = friction ? -along(at, spun) : 0.0;
-  double move[4], force[2];
-  against_axis(at, g, 1.0, move);
-  bd_newton_clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
-  border->torque = kernels->move_links(links, joints, pulley, n_runs, runs, &system->along[j], move,
-                                       -g, system->joint_x, system->joint_y, column,
-                                       column + lay->stride, column + 2 * lay->stride, force);
-  kernels->joints_to_links(links, joints, system->joint_x, system->joint_y, column,
-                           column + lay->stride, column + 2 * lay->stride);
-  border->own = -along(at, force);
-  if (is_path(plan, m)) {
-    return;
-  }
-  bd_newton_clear(lay, scratch->row_before, 3);
-  bd_newton_clear(lay, scratch->row_behind, 3);
-  kernels->mount_row(links, joints, pulley, n_runs, runs, &system->along[j], scratch, g, at->at.a,
-                     system->rows + (size_t)(3 * (lay->np + m)) * (size_t)lay->stride + BD_HALO);
+  double column[2], given[2], spun[2], w[2], q[2];
+  sum_xy(system, plan, m, own->column, column);
+  sum_xy(system, plan, m, own->given, given);
+  sum_xy(system, plan, m, pulley->column, spun);
+  sum_xy(system, plan, m, pulley->w, w);
+  sum_xy(system, plan, m, pulley->q, q);
+  border->own = -along(at, column);
+  border->given = along(at, given);
+  border->by_spin = -along(at, spun);
+  const double turned = axis->bend[0] * (w[0] + q[0]) + axis->bend[1] * (w[1] + q[1]);
+  border->torque = -(along(at, w) + turned);
+  border->given_torque = turned - along(at, q);
 }
 
 /* Slope of the drag between pulley and arm. */
@@ -102,23 +93,25 @@ double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int r
 }
 
 void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, const double *c,
-                      const double given[2], double *torque) {
+                      const double states[2], double *torque) {
   const bd_layout *lay = &plan->model->lay;
   const bd_mount_tangent *at = &system->at.mounts[m];
+  const bd_mount_border *border = &system->mounts[m];
+  const int j = lay->mounted[m], body = lay->np + m;
   const double g = system->stage.g, travel = c[lay->travel + m];
-  const int j = lay->mounted[m];
-  double move[4], force[2];
-  against_axis(at, travel, 0.0, move);
-  *torque += plan->kernels->newton->move_links(
-      &plan->links, &system->at.joints, &system->at.contact_pulleys[j], system->at.n_runs[j],
-      runs_of(system, j), &system->along[j], move, g * g, system->joint_x, system->joint_y,
-      system->x, system->y, system->p, force);
-  double *rhs = &system->rhs[lay->np + m];
+  const double *cq = bd_cfield(lay, c, F_X);
+  plan->kernels->newton->add_column(lay, system->at.n_runs[j], runs_of(system, j),
+                                    system->bodies[body].given, travel,
+                                    (double *const[]){system->x, system->y, system->p});
+  *torque += border->given_torque * travel;
+  double *rhs = &system->rhs[body];
   *rhs = g * c[lay->travel_speed + m];
   if (!is_path(plan, m)) {
     const double grip = at->friction * c[lay->mount_friction + m] / (1.0 + g * at->decay);
     *rhs *= plan->mount_inertia[m];
-    *rhs -= along(at, given) + along(at, force) + g * g * (at->stiffness * travel + grip);
+    *rhs += bd_newton_row(system, plan, body, system->bodies[body].q,
+                          (const double *[]){cq, cq + lay->stride, cq + 2 * lay->stride});
+    *rhs -= along(at, states) + border->given * travel + g * g * (at->stiffness * travel + grip);
   }
 }
 
@@ -133,12 +126,14 @@ void bd_mount_finish(const bd_newton_system *system, const bd_plan *plan, int m,
   *share = g * (*share + at->gain * pace) / (1.0 + g * at->decay);
 }
 
-void bd_mount_finish_joints(const bd_newton_system *system, const bd_plan *plan, int m, double *c) {
+double *bd_mount_move(const bd_newton_system *system, const bd_plan *plan, int m, const double *c,
+                      double move[4]) {
   const bd_layout *lay = &plan->model->lay;
-  const int j = lay->mounted[m];
-  double move[4];
-  against_axis(&system->at.mounts[m], c[lay->travel + m], c[lay->travel_speed + m], move);
-  plan->kernels->newton->finish_moved(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
-                                      runs_of(system, j), &system->along[j], system->stage.g, move,
-                                      c);
+  const bd_mount_tangent *at = &system->at.mounts[m];
+  const double travel = c[lay->travel + m], pace = c[lay->travel_speed + m];
+  for (int k = 0; k < 2; ++k) {
+    move[k] = -travel * at->at.a[k];
+    move[2 + k] = -(pace * at->at.a[k] + travel * at->speed * at->at.bend[k]);
+  }
+  return move;
 }

@@ -11,7 +11,11 @@
  *
  * so only velocities are left, links in 3 x 3 blocks round the ring and a border of one row and
  * column a shaft: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
- * link is that of its end, half its length times phi, so that all blocks are masses.
+ * link is that of its end, half its length times phi, so that all blocks are masses. With W the
+ * matrix on the left and Q = g^2 F_q, states eliminated, W k_v = g M c_v + Q c_q + ...: contact
+ * along the links fills both as blocks of neighbouring nodes, and the rows of the bodies in both
+ * (kernels/kernels.h); what solves is the same for every belt. The paper's mesh, whose contact
+ * knows no neighbours, has loops of its own, which take less time.
  *
  * Bodies of one degree of freedom are the shafts, one of each pulley, and after them the mounts
  * (mount_border.c). One whose motion is prescribed has k_v = b_v for its row, and acts on the rest
@@ -100,66 +104,48 @@ static void carve_all(bd_carver *carver, const bd_layout *lay, double **const *a
   }
 }
 
-/* The same of contact along the links. */
-static void carve_links(bd_carver *carver, const bd_layout *lay, bd_link_tangent *t,
-                        const bd_friction *friction) {
-  const int states = bd_friction_states(friction);
-  double **const single[] = {&t->joint_nx, &t->joint_ny, &t->rho,  &t->force,    &t->force_over_rho,
-                             &t->apart,    &t->by_slip,  &t->slip, &t->by_normal};
-  double **const of_states[] = {&t->by_state,    &t->gain,        &t->decay,
-                                &t->gain_normal, &t->given_state, &t->state_by_slip,
-                                &t->decay_factor};
+/* Assembled blocks, and what contact along the links needs, of all pulleys and of each. */
+static void carve_blocks(bd_carver *carver, const bd_model *model, bd_newton_system *system) {
+  const bd_layout *lay = &model->lay;
+  bd_contact_scratch *s = &system->scratch;
+  bd_end_forces unused;
+  const int d = lay->string ? 2 : 3, bodies = lay->np + lay->nm;
+  BD_CARVE(carver, system->blocks.w, 3 * d * d * lay->n8);
+  BD_CARVE(carver, system->blocks.q, 3 * d * d * lay->n8);
+  double **const single[] = {&s->points.x,  &s->points.y,      &s->points.vx,
+                             &s->points.vy, &s->correction[0], &s->correction[1]};
   carve_all(carver, lay, single, sizeof single / sizeof single[0]);
-  for (size_t k = 0; k < sizeof of_states / sizeof of_states[0]; ++k) {
-    bd_carve_rows(carver, lay, states, of_states[k]);
+  bd_carve_pressure(carver, lay, &s->pressure, &unused);
+  for (int m = 0; m < 2 * BD_END_ROWS; ++m) {
+    bd_carve_links(carver, lay, &s->end[m % 2][m / 2]);
   }
-  for (int e = 0; e < 2; ++e) {
-    double **const ends[] = {&t->nx[e],     &t->ny[e],        &t->normal[e], &t->normal_over_rho[e],
-                             &t->around[e], &t->correction[e]};
-    carve_all(carver, lay, ends, sizeof ends / sizeof ends[0]);
+  for (int m = 0; m < BD_POINT_ROWS; ++m) {
+    bd_carve_links(carver, lay, &s->point[m]);
   }
-  for (int m = 0; m < 8; ++m) {
-    double **const by[] = {&t->by[m], &t->direct[m], &t->total[m]};
-    carve_all(carver, lay, by, sizeof by / sizeof by[0]);
-    bd_carve_rows(carver, lay, states, &t->gains[m]);
-    bd_carve_rows(carver, lay, states, &t->state_by[m]);
+  BD_CARVE(carver, system->slots, lay->np);
+  for (int j = 0; j < lay->np; ++j) {
+    bd_slot none, *slot = carver->base ? &system->slots[j] : &none;
+    const int states = bd_friction_states(&model->friction[j]);
+    double **const of_states[] = {&slot->decay, &slot->spin, &slot->given_x, &slot->given_y,
+                                  &slot->given_torque};
+    for (int m = 0; m < 6; ++m) {
+      bd_carve_rows(carver, lay, states, &slot->zq[m]);
+      bd_carve_rows(carver, lay, states, &slot->zv[m]);
+      bd_carve_links(carver, lay, &slot->sq[m]);
+      bd_carve_links(carver, lay, &slot->sv[m]);
+    }
+    for (size_t m = 0; m < sizeof of_states / sizeof of_states[0]; ++m) {
+      bd_carve_rows(carver, lay, states, of_states[m]);
+    }
+    bd_carve_links(carver, lay, &slot->rho);
   }
-}
-
-/* And what it needs once for all pulleys. */
-static void carve_link_scratch(bd_carver *carver, const bd_layout *lay, bd_newton_system *system) {
-  bd_link_scratch *s = &system->scratch;
-  bd_blocks *b = &system->blocks;
-  double **const single[] = {&system->points.x,
-                             &system->points.y,
-                             &system->points.vx,
-                             &system->points.vy,
-                             &s->turning,
-                             &system->joint_x,
-                             &system->joint_y,
-                             &b->xp,
-                             &b->yp,
-                             &b->px,
-                             &b->py};
-  carve_all(carver, lay, single, sizeof single / sizeof single[0]);
-  bd_carve_pressure(carver, lay, &s->pressure, &s->forces);
-  for (int m = 0; m < 4; ++m) {
-    bd_carve_links(carver, lay, &s->share_by[m]);
-    bd_carve_links(carver, lay, &s->rate_by[m]);
+  BD_CARVE(carver, system->bodies, bodies);
+  for (int body = 0; body < bodies; ++body) {
+    bd_body none, *b = carver->base ? &system->bodies[body] : &none;
+    bd_carve_rows(carver, lay, 3, &b->w);
+    bd_carve_rows(carver, lay, 3, &b->q);
+    bd_carve_rows(carver, lay, body < lay->np ? 0 : 3, &b->given);
   }
-  for (int k = 0; k < 6; ++k) {
-    bd_carve_links(carver, lay, &s->before[k]);
-    bd_carve_links(carver, lay, &s->behind[k]);
-  }
-  for (int k = 0; k < 3; ++k) {
-    bd_carve_links(carver, lay, &s->row_before[k]);
-    bd_carve_links(carver, lay, &s->row_behind[k]);
-  }
-  for (int k = 0; k < 9; ++k) {
-    bd_carve_links(carver, lay, &b->back[k]);
-    bd_carve_links(carver, lay, &b->forward[k]);
-  }
-  BD_CARVE(carver, system->rows, 3 * (lay->np + lay->nm) * lay->stride);
   BD_CARVE(carver, system->mounts, lay->nm);
 }
 
@@ -185,30 +171,27 @@ void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *ke
   }
 }
 
+/* The part of a body's column that the ring takes: T^-1 B, three blocks. */
+static double *border_of(const bd_newton_system *system, const bd_layout *lay, int body) {
+  return system->border + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
+}
+
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
   const int np = lay->np, bodies = np + lay->nm;
-  bd_blocks *b = &system->blocks;
+  bd_blocks *b = &system->ring_blocks;
   bd_effects_carve_tangents(carver, &system->at, model);
-  double **by_link[] = {&b->xx, &b->xy, &b->yx, &b->yy, &b->pp, &system->x, &system->y, &system->p};
-  for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
-    bd_carve_links(carver, lay, by_link[k]);
-  }
+  double **by_link[] = {&system->x, &system->y, &system->p, &b->xx, &b->xy, &b->yx, &b->yy, &b->pp};
+  carve_all(carver, lay, by_link, model->along_links ? 3 : sizeof by_link / sizeof by_link[0]);
   if (model->along_links) {
-    BD_CARVE(carver, system->along, np);
-    carve_link_scratch(carver, lay, system);
+    carve_blocks(carver, model, system);
   } else {
     BD_CARVE(carver, system->contact, np);
   }
-  for (int j = 0; j < np; ++j) {
-    const bd_friction *friction = &model->friction[j];
-    if (model->along_links) {
-      carve_links(carver, lay, carver->base ? &system->along[j] : &(bd_link_tangent){0}, friction);
-    } else {
-      carve_contact(carver, lay, carver->base ? &system->contact[j] : &(bd_contact_tangent){0},
-                    friction);
-    }
+  for (int j = 0; !model->along_links && j < np; ++j) {
+    carve_contact(carver, lay, carver->base ? &system->contact[j] : &(bd_contact_tangent){0},
+                  &model->friction[j]);
   }
   bd_ring_carve(carver, &system->ring, ring, lay->n);
   BD_CARVE(carver, system->border, 3 * bodies * lay->stride);
@@ -226,6 +209,11 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   b->cos = system->at.joints.cos;
   b->sin = system->at.joints.sin;
   b->spin = system->at.joints.spin;
+  b->tiles = system->blocks.w;
+  b->n = lay->n;
+  for (int body = 0; model->along_links && body < bodies; ++body) {
+    system->bodies[body].column = border_of(system, lay, body);
+  }
 }
 
 /* --- linearisation --------------------------------------------------------------------------- */
@@ -242,69 +230,6 @@ static int along_links(const bd_plan *plan) {
 
 static int mount_of(const bd_plan *plan, int j) {
   return plan->model->mount_of ? plan->model->mount_of[j] : -1;
-}
-
-void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, double *y, double h) {
-  const bd_newton_kernels *kernels = plan->kernels->newton;
-  const bd_links *links = &plan->links;
-  const bd_tangent *joints = &system->at.joints;
-  if (along_links(plan)) {
-    bd_close_links(&plan->model->lay, y);
-    plan->kernels->gather_points(links, joints->cos, joints->sin, y, &system->points);
-  }
-  for (int j = 0; j < plan->model->lay.np; ++j) {
-    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int n_runs = system->at.n_runs[j];
-    if (along_links(plan)) {
-      kernels->linearise_links[pulley->law](links, joints, pulley, n_runs, runs_of(system, j),
-                                            &system->points, &system->scratch, y, &system->along[j],
-                                            h);
-    } else {
-      kernels->linearise_contact[pulley->law](links, pulley, n_runs, runs_of(system, j), y,
-                                              &system->contact[j], h);
-    }
-  }
-}
-
-void bd_newton_clear(const bd_layout *lay, double *const *blocks, size_t n) {
-  for (size_t k = 0; k < n; ++k) {
-    memset(blocks[k] - BD_HALO, 0, (size_t)lay->stride * sizeof **blocks);
-  }
-}
-
-void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_plan *plan,
-                                     double *c) {
-  const bd_layout *lay = &plan->model->lay;
-  const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
-  const bd_end_forces *out = &system->scratch.forces;
-  if (along_links(plan)) {
-    bd_clear_end_forces(lay, out);
-  }
-  for (int j = 0; j < lay->np; ++j) {
-    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int n_runs = system->at.n_runs[j], m = mount_of(plan, j);
-    const bd_run *runs = runs_of(system, j);
-    double before[2], after[2];
-    if (m >= 0) {
-      plan->kernels->sum_forces(n_runs, runs, out, before);
-    }
-    double torque =
-        along_links(plan)
-            ? kernels->add_link_correction(links, pulley, n_runs, runs, &system->along[j], out, c)
-            : kernels->add_normal_correction[bd_law_form(pulley->law)](links, pulley, n_runs, runs,
-                                                                       &system->contact[j], c);
-    c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
-    if (m >= 0 && plan->model->mounts[m].kind != BD_MOUNT_PATH) {
-      const double *a = system->at.mounts[m].at.a;
-      plan->kernels->sum_forces(n_runs, runs, out, after);
-      c[lay->travel_speed + m] -=
-          (a[0] * (after[0] - before[0]) + a[1] * (after[1] - before[1])) / plan->mount_inertia[m];
-    }
-  }
-  if (along_links(plan)) {
-    plan->kernels->scatter_forces(links, system->at.joints.cos, system->at.joints.sin, out, c);
-  }
 }
 
 int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err) {
@@ -352,19 +277,11 @@ static double shaft_inertia(const bd_newton_system *system, const bd_plan *plan,
 /* A body's row times the velocities of the links. */
 static double body_row(const bd_newton_system *system, const bd_plan *plan, int body,
                        const double *x, const double *y, const double *p) {
-  const bd_layout *lay = &plan->model->lay;
   if (along_links(plan)) {
-    const double *row = system->rows + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
-    const double *const parts[3] = {row, row + lay->stride, row + 2 * lay->stride};
-    return plan->kernels->newton->ring_product(lay, parts, x, y, p);
+    return bd_newton_row(system, plan, body, system->bodies[body].w, (const double *[]){x, y, p});
   }
   return plan->kernels->newton->border_row(system->at.n_runs[body], runs_of(system, body),
                                            &system->contact[body], x, y);
-}
-
-/* The part of a body's column that the ring takes: T^-1 B, three blocks. */
-static double *border_of(const bd_newton_system *system, const bd_layout *lay, int body) {
-  return system->border + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
 }
 
 /* Of the small matrix of the bodies, but for what the links do. */
@@ -422,43 +339,79 @@ static void substitute(int n, const double *a, const int *pivots, double *x) {
   }
 }
 
-/* Contact along the links, into the matrix and its border. */
-static void add_along_links(bd_newton_system *system, const bd_plan *plan, double g) {
+/* What contact will be beyond its tangent, as one pulley and its mount feel it, into a rate. */
+static void correct_bodies(const bd_newton_system *system, const bd_plan *plan, int j,
+                           const bd_fill_sums *sums, double *c) {
+  const bd_layout *lay = &plan->model->lay;
+  const int m = mount_of(plan, j);
+  c[lay->omega + j] += plan->pulleys_locked ? 0.0 : sums->torque / plan->model->inertia[j];
+  if (m >= 0 && plan->model->mounts[m].kind != BD_MOUNT_PATH) {
+    const double *a = system->at.mounts[m].at.a;
+    c[lay->travel_speed + m] -=
+        (a[0] * sums->force[0] + a[1] * sums->force[1]) / plan->mount_inertia[m];
+  }
+}
+
+/* The ring's blocks and the border, of belts whose blocks are assembled. */
+static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fill *fill) {
   const bd_layout *lay = &plan->model->lay;
   const bd_links *links = &plan->links;
   const bd_newton_kernels *kernels = plan->kernels->newton;
   const bd_tangent *joints = &system->at.joints;
-  const bd_link_scratch *scratch = &system->scratch;
-  const bd_blocks *b = &system->blocks;
-  bd_newton_clear(lay, (double *const[]){b->xp, b->yp, b->px, b->py}, 4);
-  bd_newton_clear(lay, scratch->before, 6);
-  bd_newton_clear(lay, scratch->behind, 6);
-  bd_clear_end_forces(lay, &scratch->forces);
+  if (!lay->string) {
+    plan->kernels->gather_points(links, joints->cos, joints->sin, fill->y, &system->scratch.points);
+  }
+  kernels->fill_ring(links, joints, &system->stage, &system->ring_blocks, &system->blocks);
   for (int j = 0; j < lay->np; ++j) {
-    double *z = border_of(system, lay, j);
-    double *row = system->rows + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
-    bd_newton_clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
-    bd_newton_clear(lay, scratch->row_before, 3);
-    bd_newton_clear(lay, scratch->row_behind, 3);
-    system->own[j] = kernels->add_links(links, joints, &system->at.contact_pulleys[j],
-                                        system->at.n_runs[j], runs_of(system, j), &system->along[j],
-                                        g, b, scratch, system->joint_x, system->joint_y, row);
-    kernels->joints_to_links(links, joints, system->joint_x, system->joint_y, z, z + lay->stride,
-                             z + 2 * lay->stride);
-    if (mount_of(plan, j) >= 0) {
-      const int m = mount_of(plan, j);
-      bd_mount_border_add(system, plan, m, g, border_of(system, lay, lay->np + m));
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    const int m = mount_of(plan, j);
+    bd_axis axis;
+    if (m >= 0) {
+      axis = bd_mount_axis(system, plan, m, fill->g);
+    }
+    const bd_fill_sums sums = kernels->fill_pulley[pulley->law](
+        links, joints, pulley, system->at.n_runs[j], runs_of(system, j), fill, &system->scratch,
+        &system->blocks, &system->slots[j], &system->bodies[j], m >= 0 ? &axis : NULL);
+    system->own[j] = sums.own;
+    if (fill->c) {
+      correct_bodies(system, plan, j, &sums, fill->c);
+    }
+    if (m >= 0) {
+      bd_mount_border_add(system, plan, m, &axis);
     }
   }
-  kernels->assemble(links, joints, g, scratch, b);
 }
 
-void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
+/* The same of contact at the links' centres. */
+static void add_contact(bd_newton_system *system, const bd_plan *plan, const bd_fill *fill) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_newton_kernels *kernels = plan->kernels->newton;
+  bd_blocks *b = &system->ring_blocks;
+  kernels->diagonal(&plan->links, &system->at.joints, &system->stage, b);
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    const int n_runs = system->at.n_runs[j], form = bd_law_form(pulley->law);
+    const bd_run *runs = runs_of(system, j);
+    double *z = border_of(system, lay, j);
+    kernels->linearise_contact[pulley->law](&plan->links, pulley, n_runs, runs, fill->y,
+                                            &system->contact[j], fill->c ? fill->h : 0.0);
+    if (fill->c) {
+      const bd_fill_sums sums = {
+          .torque = kernels->add_normal_correction[form](&plan->links, pulley, n_runs, runs,
+                                                         &system->contact[j], fill->c)};
+      correct_bodies(system, plan, j, &sums, fill->c);
+    }
+    system->own[j] = kernels->add_contact[form](pulley, n_runs, runs, &system->contact[j], fill->g,
+                                                b, z, z + lay->stride);
+  }
+}
+
+void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double g, double h,
+                      double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
-  bd_blocks *b = &system->blocks;
+  bd_blocks *b = &system->ring_blocks;
   double inv_half = 1.0 / links->half;
   system->stage.g = g;
   system->stage.mass = model->info.link_mass * (1.0 + g * system->at.mass_damping);
@@ -466,20 +419,16 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   b->k = g * (g * links->stiffness + links->damping);
   b->damping = g * g * links->damping;
   b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
-  kernels->diagonal(links, &system->at.joints, &system->stage, b);
   for (int body = 0; body < lay->np + lay->nm; ++body) {
     memset(border_of(system, lay, body), 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
   }
   const int along = along_links(plan);
+  const bd_fill fill = {y, g, h, c};
   if (along) {
-    add_along_links(system, plan, g);
-  }
-  for (int j = 0; !along && j < lay->np; ++j) {
-    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    double *z = border_of(system, lay, j);
-    system->own[j] = kernels->add_contact[bd_law_form(pulley->law)](
-        pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g, b, z,
-        z + lay->stride);
+    bd_close_links(lay, y);
+    assemble(system, plan, &fill);
+  } else {
+    add_contact(system, plan, &fill);
   }
   system->ring_kernels->factor[along](&system->ring, b);
   const int first = first_body(plan), n = lay->np + lay->nm - first;
@@ -502,15 +451,55 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
 
 /* --- solve ----------------------------------------------------------------------------------- */
 
-/* Of the right-hand side near a pulley, on links and at joints. */
-static void sum_of(const bd_newton_system *system, const bd_plan *plan, int j, double sum[2]) {
+/* Behind the last node comes the first. */
+static void close_ring(const bd_layout *lay, double *c) {
+  bd_close_links(lay, c);
+  for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
+    v[lay->n] = v[0];
+  }
+}
+
+/* Solutions do not move what stands there in a state, by rounding either, which differences of
+ * states over a step's length make grow. */
+static void clear_behind(const bd_layout *lay, double *c) {
+  const int n = lay->n;
+  for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
+    memset(v + n, 0, (size_t)(lay->stride - BD_HALO - n) * sizeof *v);
+  }
+}
+
+double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int body,
+                     const double *row, const double *const *v) {
+  const bd_layout *lay = &plan->model->lay;
+  const int j = body < lay->np ? body : lay->mounted[body - lay->np];
+  return plan->kernels->newton->row_runs(lay, system->at.n_runs[j], runs_of(system, j), row, v);
+}
+
+/* Right-hand sides of the ring and of the bodies by what c has of positions and states. */
+static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
+  const bd_layout *lay = &plan->model->lay;
   const bd_newton_kernels *kernels = plan->kernels->newton;
-  const int n_runs = system->at.n_runs[j];
-  const bd_run *runs = runs_of(system, j);
-  sum[0] =
-      kernels->sum_runs(n_runs, runs, system->x) + kernels->sum_runs(n_runs, runs, system->joint_x);
-  sum[1] =
-      kernels->sum_runs(n_runs, runs, system->y) + kernels->sum_runs(n_runs, runs, system->joint_y);
+  const double g = system->stage.g, m = g / plan->links.inv_mass;
+  const double mass[3] = {m, m, m * plan->links.half / system->stage.slender};
+  double *const r[3] = {system->x, system->y, system->p};
+  const double *cq = bd_cfield(lay, c, F_X);
+  close_ring(lay, c);
+  kernels->blocks_product(lay, system->blocks.q, cq, bd_cfield(lay, c, F_VX), mass, r);
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    double sums[3] = {0.0, 0.0, 0.0}; /* torque and force of given states */
+    if (pulley->law != BD_LAW_NONE) {
+      const double *cz = bd_cfield(lay, c, bd_f_state(lay, pulley->slot));
+      kernels->states_product(lay, &system->at.joints, system->at.n_runs[j], runs_of(system, j),
+                              pulley->states, &system->slots[j], cz, r, sums);
+      sums[0] += bd_newton_row(system, plan, j, system->bodies[j].q,
+                               (const double *[]){cq, cq + lay->stride, cq + 2 * lay->stride});
+    }
+    system->rhs[j] = sums[0];
+    if (mount_of(plan, j) >= 0) {
+      bd_mount_product(system, plan, mount_of(plan, j), c, sums + 1, &system->rhs[j]);
+    }
+  }
 }
 
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
@@ -521,37 +510,17 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const double g = system->stage.g;
   const int first = first_body(plan), n = lay->np + lay->nm - first;
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
-  kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
-  const bd_tangent *joints = &system->at.joints;
   const int along = along_links(plan);
   if (along) {
-    bd_newton_clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
-    bd_close_links(lay, c);
+    product(system, plan, c);
+  } else {
+    kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
   }
-  for (int j = 0; j < lay->np; ++j) {
-    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int n_runs = system->at.n_runs[j], m = mount_of(plan, j);
-    const bd_run *runs = runs_of(system, j);
-    double before[2], given[2];
-    if (m >= 0) {
-      sum_of(system, plan, j, before);
-    }
-    rhs[j] =
-        along ? kernels->link_product(links, joints, pulley, n_runs, runs, &system->along[j], g, c,
-                                      system->joint_x, system->joint_y, x, y, p)
-              : kernels->contact_product(lay, pulley, n_runs, runs, &system->contact[j], c, x, y);
-    if (m >= 0) {
-      sum_of(system, plan, j, given);
-      given[0] -= before[0];
-      given[1] -= before[1];
-      bd_mount_product(system, plan, m, c, given, &rhs[j]);
-    }
+  for (int j = 0; !along && j < lay->np; ++j) {
+    rhs[j] = kernels->contact_product(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
+                                      runs_of(system, j), &system->contact[j], c, x, y);
   }
-  if (along) {
-    kernels->joints_to_links(links, joints, system->joint_x, system->joint_y, x, y, p);
-    kernels->add_turning(lay, system->scratch.turning, g, c, p);
-  }
-  system->ring_kernels->solve[along](&system->ring, system->blocks.k, x, y, p);
+  system->ring_kernels->solve[along](&system->ring, system->ring_blocks.k, x, y, p);
   for (int body = first; body < first + n; ++body) {
     const int j = body < lay->np ? body : -1;
     if (is_prescribed(plan, body)) {
@@ -567,13 +536,13 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     rhs[body] -= body_row(system, plan, body, x, y, p);
   }
   substitute(n, system->matrix, system->pivots, rhs + first);
-  kernels->finish_links(links, &system->stage, n, border_of(system, lay, first), rhs + first, x, y,
+  kernels->finish_nodes(links, &system->stage, n, border_of(system, lay, first), rhs + first, x, y,
                         p, c);
   for (int m = 0; m < lay->nm; ++m) {
     bd_mount_finish(system, plan, m, rhs[lay->np + m], c);
   }
   if (along) {
-    bd_close_links(lay, c);
+    close_ring(lay, c);
   }
   for (int j = 0; j < lay->np; ++j) {
     double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
@@ -585,15 +554,21 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     }
     const int n_runs = system->at.n_runs[j];
     if (along) {
-      kernels->finish_joints(links, joints, pulley, n_runs, runs_of(system, j), &system->along[j],
-                             g, angular_acceleration, c);
-      if (mount_of(plan, j) >= 0) {
-        bd_mount_finish_joints(system, plan, mount_of(plan, j), c);
-      }
+      double move[4];
+      kernels->restore_states(
+          lay, n_runs, runs_of(system, j), pulley->states, &system->slots[j], links->link_mask,
+          angular_acceleration,
+          mount_of(plan, j) >= 0 ? bd_mount_move(system, plan, mount_of(plan, j), c, move) : NULL,
+          bd_cfield(lay, c, F_X), bd_cfield(lay, c, F_VX),
+          bd_field(lay, c, bd_f_state(lay, pulley->slot)),
+          bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
     } else {
       kernels->finish_contact[bd_law_form(pulley->law)](
           lay, pulley, n_runs, runs_of(system, j), &system->contact[j], g, angular_acceleration, c);
     }
+  }
+  if (along) {
+    clear_behind(lay, c);
   }
   for (int k = 0; k < lay->n_work; ++k) {
     c[lay->work + k] = 0.0; /* the ledger follows the steps (implicit.c) */

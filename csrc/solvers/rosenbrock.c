@@ -27,8 +27,7 @@ int bd_rosenbrock_attempt(bd_stepper *stepper, double h, double *error) {
   if (code != BD_OK) {
     return code;
   }
-  bd_newton_linearise_contact(&stepper->newton, &stepper->plan, stepper->y, 0.0);
-  bd_newton_factor(&stepper->newton, &stepper->plan, m->gamma * h);
+  bd_newton_factor(&stepper->newton, &stepper->plan, stepper->y, m->gamma * h, 0.0, NULL);
   ++stepper->nlu;
   stepper->plan.skip_power = 1;
   /* the order of the stages is that of speeds which come from the same formula as all else */

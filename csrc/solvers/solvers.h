@@ -11,25 +11,24 @@
 
 /* What a mount adds to the small matrix for one g, beside its inertia, spring, damper and friction:
  * the torque of its contact on the pulley by its speed, the force on itself by the pulley's and by
- * its own. */
+ * its own; and what its given travel is worth as torque, and as force along its way. */
 typedef struct bd_mount_border {
-  double torque, by_spin, own;
+  double torque, by_spin, own, given_torque, given;
 } bd_mount_border;
 
 typedef struct bd_newton_system {
   const bd_newton_kernels *ring_kernels;
   bd_ring ring;
-  bd_derivatives at;           /* the effects', at the state */
-  bd_contact_tangent *contact; /* per pulley, */
-  bd_link_tangent *along;      /* or along the links */
-  bd_blocks blocks;
+  bd_derivatives at; /* the effects', at the state */
+  bd_blocks ring_blocks;
   bd_stage stage;
-  double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
-  bd_points points;  /* contact along links: the joints where linearised, */
-  bd_link_scratch scratch;
-  double *joint_x, *joint_y; /* forces or a column there, */
-  double *rows;              /* per shaft, then per mount: its row, by link */
-  double *border;            /* the same: its column, solved by the ring */
+  double *x, *y, *p;           /* right-hand side and solution of the ring, with halo */
+  double *border;              /* per shaft, then per mount: its column, solved by the ring */
+  bd_contact_tangent *contact; /* per pulley, of contact at the links' centres; or along them: */
+  bd_assembled blocks;
+  bd_contact_scratch scratch;
+  bd_slot *slots;  /* per pulley */
+  bd_body *bodies; /* per shaft, then per mount */
   bd_mount_border *mounts;
   double *own, *rhs, *matrix;
   int *pivots;
@@ -44,38 +43,37 @@ int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err);
 /* Keeps the Jacobian at a state whose rate was the last to be evaluated, but for the set torques.
  */
 void bd_newton_linearise(bd_newton_system *system, const bd_plan *plan, const double *y);
-void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g);
-/* Contact, between bd_newton_linearise and bd_newton_factor: at the state (h = 0), or as a step of
- * length h finds it at its end. Then links that land within the step are in contact, and links on a
- * pulley go round it: by (h v_t)^2 / (2 rho) out of the tangent that the Jacobian knows, times a
- * stiff contact more than N itself. The second adds what that is worth to a rate. */
-void bd_newton_linearise_contact(bd_newton_system *system, bd_plan *plan, double *y, double h);
-void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_plan *plan,
-                                     double *c);
+/* Contact is derived at y as it stands there (c NULL), or as a step of length h finds it at its
+ * end. Then links that land within the step are in contact, and links on a pulley go round it: by
+ * (h v_t)^2 / (2 rho) out of the tangent that the Jacobian knows, times a stiff contact more than N
+ * itself. What that is worth is added to the rate c. */
+void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double g, double h,
+                      double *c);
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
 
-/* Zeros in blocks of links. */
-void bd_newton_clear(const bd_layout *lay, double *const *blocks, size_t n);
+/* A row of a body times vectors by node, where contact along the links is near. */
+double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int body,
+                     const double *row, const double *const *v);
 
 /* --- mount_border.c -------------------------------------------------------------------------- */
 
-/* After the column of its pulley stands in joint_x, joint_y: the mount's own, not yet solved, into
- * `column`, its row, and its part of the small matrix. */
-void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m, double g,
-                         double *column);
+bd_axis bd_mount_axis(const bd_newton_system *system, const bd_plan *plan, int m, double g);
+/* After the fill of its pulley: the mount's part of the small matrix. */
+void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m, const bd_axis *axis);
 /* Entry of the small matrix of which a mount is row or column, but for what the links do; bodies
  * are counted shafts first. */
 double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
                       double g);
-/* What c says of a mount, added to the right-hand side of links and joints, to the torque of its
- * pulley, and as its own; given: the force that the rest of c makes on the links at its pulley. */
+/* What c says of a mount, added to the right-hand side of links, to the torque of its pulley, and
+ * as its own; states: the force on the belt of the given states of friction. */
 void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, const double *c,
-                      const double given[2], double *torque);
-/* From its acceleration to all its unknowns; then what it does to friction at its pulley. */
+                      const double states[2], double *torque);
+/* From its acceleration to all its unknowns; then the move of all links against its axis. */
 void bd_mount_finish(const bd_newton_system *system, const bd_plan *plan, int m, double pace,
                      double *c);
-void bd_mount_finish_joints(const bd_newton_system *system, const bd_plan *plan, int m, double *c);
+double *bd_mount_move(const bd_newton_system *system, const bd_plan *plan, int m, const double *c,
+                      double move[4]);
 
 typedef struct bd_stepper bd_stepper;
 

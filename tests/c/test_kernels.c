@@ -143,7 +143,7 @@ enum { MOST = 240, PADDED = MOST + 2 * BD_HALO };
 typedef struct ring_case {
   int n, string;
   double entries[27][PADDED]; /* diagonal, back, forward: 9 each */
-  double cos[PADDED], sin[PADDED], spin[PADDED], right[3][PADDED], x[3][PADDED];
+  double tiles[27 * PADDED], right[3][PADDED], x[3][PADDED];
 } ring_case;
 
 static int unknowns_of(const ring_case *c) {
@@ -162,7 +162,6 @@ static void make_ring(ring_case *c, int n, int string) {
       const int on_diagonal = e < size * size && e % (size + 1) == 0;
       c->entries[e][at] = next_number() + (on_diagonal ? 2.0 * 3 * size : 0.0);
     }
-    c->cos[at] = 1.0;
     for (int u = 0; u < 3; ++u) {
       c->right[u][at] = c->x[u][at] = next_number();
     }
@@ -207,29 +206,16 @@ static void dense_row(const ring_case *c, int i, int u, double *row) {
 
 static void solve_ring(ring_case *c, const bd_kernels *level) {
   const bd_newton_kernels *kernels = c->string ? level->string->newton : level->newton;
-  double *first[27];
-  for (int e = 0; e < 27; ++e) {
-    first[e] = c->entries[e] + BD_HALO;
+  const int size = unknowns_of(c), d2 = size * size;
+  for (int i = 0; i < c->n; ++i) {
+    double *tile = c->tiles + i / BD_LANES * (3 * d2 * BD_LANES) + i % BD_LANES;
+    for (int e = 0; e < d2; ++e) { /* back, diagonal, and ahead, which stands with the one ahead */
+      tile[e * BD_LANES] = c->entries[9 + e][BD_HALO + i];
+      tile[(d2 + e) * BD_LANES] = c->entries[e][BD_HALO + i];
+      tile[(2 * d2 + e) * BD_LANES] = c->entries[18 + e][BD_HALO + (i + 1) % c->n];
+    }
   }
-  const int size = unknowns_of(c);
-  bd_blocks b = {.cos = c->cos + BD_HALO,
-                 .sin = c->sin + BD_HALO,
-                 .spin = c->spin + BD_HALO,
-                 .xx = first[0],
-                 .xy = first[1],
-                 .yx = first[size],
-                 .yy = first[size + 1]};
-  if (!c->string) {
-    b.xp = first[2];
-    b.yp = first[5];
-    b.px = first[6];
-    b.py = first[7];
-    b.pp = first[8];
-  }
-  for (int e = 0; e < size * size; ++e) {
-    b.back[e] = first[9 + e];
-    b.forward[e] = first[18 + e];
-  }
+  const bd_blocks b = {.tiles = c->tiles, .n = c->n};
   bd_ring ring;
   bd_carver carver = {0};
   bd_ring_carve(&carver, &ring, kernels, c->n);
