@@ -80,21 +80,23 @@ static double drag_of(const bd_newton_system *system, const bd_plan *plan, int m
 double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
                       double g) {
   const bd_layout *lay = &plan->model->lay;
-  const int m = (row < lay->np ? column : row) - lay->np;
+  const int of_row = row >= lay->np && row < lay->np + lay->nm;
+  const int m = (of_row ? row : column) - lay->np, j = lay->mounted[m];
+  const int other = of_row ? column : row;
   const bd_mount_border *border = &system->mounts[m];
   const bd_mount_tangent *at = &system->at.mounts[m];
   const double drag = g * drag_of(system, plan, m);
-  if (row < lay->np) {
-    return row == lay->mounted[m] ? border->torque - drag : 0.0;
+  /* the belt acts on the rim, drag on the shaft */
+  const double belt =
+      other == bd_belt_body(lay, j) ? of_row ? border->by_spin : border->torque : 0.0;
+  if (!of_row) {
+    return belt - (other == j ? drag : 0.0);
   }
   if (is_path(plan, m)) {
     return row == column;
   }
-  if (column < lay->np) {
-    return column == lay->mounted[m] ? border->by_spin - drag : 0.0;
-  }
   if (row != column) {
-    return 0.0;
+    return belt - (other == j ? drag : 0.0);
   }
   const double grip = g * g * at->friction * at->gain / (1.0 + g * at->decay);
   return plan->mount_inertia[m] * (1.0 + g * system->at.mass_damping) +

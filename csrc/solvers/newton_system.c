@@ -159,7 +159,7 @@ static void carve_link_scratch(bd_carver *carver, const bd_layout *lay, bd_newto
     bd_carve_links(carver, lay, &b->back[k]);
     bd_carve_links(carver, lay, &b->forward[k]);
   }
-  BD_CARVE(carver, system->rows, 3 * (lay->np + lay->nm) * lay->stride);
+  BD_CARVE(carver, system->rows, 3 * (lay->np + lay->nm + lay->nc) * lay->stride);
   BD_CARVE(carver, system->mounts, lay->nm);
 }
 
@@ -188,7 +188,7 @@ void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *ke
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
-  const int np = lay->np, bodies = np + lay->nm;
+  const int np = lay->np, bodies = np + lay->nm + lay->nc;
   bd_blocks *b = &system->blocks;
   bd_effects_carve_tangents(carver, &system->at, model);
   double **by_link[] = {&b->xx, &b->xy, &b->yx, &b->yy, &b->pp, &system->x, &system->y, &system->p};
@@ -294,7 +294,7 @@ void bd_newton_add_normal_correction(const bd_newton_system *system, const bd_pl
             ? kernels->add_link_correction(links, pulley, n_runs, runs, &system->along[j], out, c)
             : kernels->add_normal_correction[bd_law_form(pulley->law)](links, pulley, n_runs, runs,
                                                                        &system->contact[j], c);
-    c[lay->omega + j] += plan->pulleys_locked ? 0.0 : torque / plan->model->inertia[j];
+    c[lay->rim[j]] += plan->pulleys_locked ? 0.0 : torque / plan->model->rim_inertia[j];
     if (m >= 0 && plan->model->mounts[m].kind != BD_MOUNT_PATH) {
       const double *a = system->at.mounts[m].at.a;
       plan->kernels->sum_forces(n_runs, runs, out, after);
@@ -332,19 +332,40 @@ static int first_body(const bd_plan *plan) {
   return plan->pulleys_locked ? plan->model->lay.np : 0;
 }
 
+static int count_bodies(const bd_plan *plan) {
+  const bd_layout *lay = &plan->model->lay;
+  return plan->pulleys_locked ? lay->nm : lay->np + lay->nm + lay->nc;
+}
+
+static int is_mount(const bd_layout *lay, int body) {
+  return body >= lay->np && body < lay->np + lay->nm;
+}
+
 static int is_prescribed(const bd_plan *plan, int body) {
   const int np = plan->model->lay.np;
   return body < np ? bd_is_moved(&plan->torques, body)
-                   : plan->model->mounts[body - np].kind == BD_MOUNT_PATH;
+                   : is_mount(&plan->model->lay, body) &&
+                         plan->model->mounts[body - np].kind == BD_MOUNT_PATH;
 }
 
-/* A shaft's inertia, and what its own acceleration does to the forces on it. */
-static double shaft_inertia(const bd_newton_system *system, const bd_plan *plan, int shaft,
-                            double g) {
+/* The pulley at which the belt runs on this body, which is no mount; -1: it does not. */
+static int pulley_of(const bd_layout *lay, int body) {
+  const int j = body < lay->np ? body : lay->coupled[body - lay->np - lay->nm];
+  return bd_belt_body(lay, j) == body ? j : -1;
+}
+
+/* The inertia of a shaft or a rim, and what its own acceleration does to the forces on it. */
+static double body_inertia(const bd_newton_system *system, const bd_plan *plan, int body,
+                           double g) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const int shaft = body < lay->np, j = pulley_of(lay, body);
   double inertia =
-      plan->model->inertia[shaft] * (1.0 + g * system->at.mass_damping) + system->own[shaft];
-  if (system->at.pulley_damping) {
-    inertia += g * system->at.pulley_damping[shaft];
+      (shaft ? model->inertia[body] : model->couplings[body - lay->np - lay->nm].inertia) *
+          (1.0 + g * system->at.mass_damping) +
+      (j >= 0 ? system->own[j] : 0.0);
+  if (shaft && system->at.pulley_damping) {
+    inertia += g * system->at.pulley_damping[body];
   }
   return inertia;
 }
@@ -353,13 +374,17 @@ static double shaft_inertia(const bd_newton_system *system, const bd_plan *plan,
 static double body_row(const bd_newton_system *system, const bd_plan *plan, int body,
                        const double *x, const double *y, const double *p) {
   const bd_layout *lay = &plan->model->lay;
+  const int j = is_mount(lay, body) ? body : pulley_of(lay, body);
+  if (j < 0) {
+    return 0.0;
+  }
   if (along_links(plan)) {
     const double *row = system->rows + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
     const double *const parts[3] = {row, row + lay->stride, row + 2 * lay->stride};
     return plan->kernels->newton->ring_product(lay, parts, x, y, p);
   }
-  return plan->kernels->newton->border_row(system->at.n_runs[body], runs_of(system, body),
-                                           &system->contact[body], x, y);
+  return plan->kernels->newton->border_row(system->at.n_runs[j], runs_of(system, j),
+                                           &system->contact[j], x, y);
 }
 
 /* The part of a body's column that the ring takes: T^-1 B, three blocks. */
@@ -370,12 +395,16 @@ static double *border_of(const bd_newton_system *system, const bd_layout *lay, i
 /* Of the small matrix of the bodies, but for what the links do. */
 static double body_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j,
                          double g) {
-  const int np = plan->model->lay.np;
-  if (i >= np || j >= np) {
+  const bd_layout *lay = &plan->model->lay;
+  const int np = lay->np;
+  if (is_mount(lay, i) || is_mount(lay, j)) {
     return bd_mount_entry(system, plan, i, j, g);
   }
-  const double torque = system->by_omega[i * np + j] + g * system->by_theta[i * np + j];
-  return (i == j ? shaft_inertia(system, plan, i, g) : 0.0) - g * torque;
+  const int shafts = i < np && j < np;
+  const double torque =
+      shafts ? system->by_omega[i * np + j] + g * system->by_theta[i * np + j] : 0.0;
+  return (i == j ? body_inertia(system, plan, i, g) : 0.0) - g * torque +
+         (lay->nc > 0 ? bd_coupling_entry(&system->at, plan->model, i, j, g) : 0.0);
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */
@@ -435,8 +464,9 @@ static void add_along_links(bd_newton_system *system, const bd_plan *plan, doubl
   bd_newton_clear(lay, scratch->behind, 6);
   bd_clear_end_forces(lay, &scratch->forces);
   for (int j = 0; j < lay->np; ++j) {
-    double *z = border_of(system, lay, j);
-    double *row = system->rows + (size_t)(3 * j) * (size_t)lay->stride + BD_HALO;
+    const int body = bd_belt_body(lay, j);
+    double *z = border_of(system, lay, body);
+    double *row = system->rows + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
     bd_newton_clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
     bd_newton_clear(lay, scratch->row_before, 3);
     bd_newton_clear(lay, scratch->row_behind, 3);
@@ -467,7 +497,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   b->damping = g * g * links->damping;
   b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
   kernels->diagonal(links, &system->at.joints, &system->stage, b);
-  for (int body = 0; body < lay->np + lay->nm; ++body) {
+  for (int body = 0; body < lay->np + lay->nm + lay->nc; ++body) {
     memset(border_of(system, lay, body), 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
   }
   const int along = along_links(plan);
@@ -476,13 +506,13 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double g) {
   }
   for (int j = 0; !along && j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    double *z = border_of(system, lay, j);
+    double *z = border_of(system, lay, bd_belt_body(lay, j));
     system->own[j] = kernels->add_contact[bd_law_form(pulley->law)](
         pulley, system->at.n_runs[j], runs_of(system, j), &system->contact[j], g, b, z,
         z + lay->stride);
   }
   system->ring_kernels->factor[along](&system->ring, b);
-  const int first = first_body(plan), n = lay->np + lay->nm - first;
+  const int first = first_body(plan), n = count_bodies(plan);
   for (int j = 0; j < n; ++j) {
     double *z = border_of(system, lay, first + j);
     system->ring_kernels->solve[along](&system->ring, b->k, z, z + lay->stride,
@@ -519,7 +549,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_links *links = &plan->links;
   const bd_newton_kernels *kernels = plan->kernels->newton;
   const double g = system->stage.g;
-  const int first = first_body(plan), n = lay->np + lay->nm - first;
+  const int first = first_body(plan), n = count_bodies(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
   kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
   const bd_tangent *joints = &system->at.joints;
@@ -528,15 +558,16 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     bd_newton_clear(lay, (double *const[]){system->joint_x, system->joint_y}, 2);
     bd_close_links(lay, c);
   }
+  memset(rhs, 0, (size_t)(lay->np + lay->nm + lay->nc) * sizeof *rhs);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     const int n_runs = system->at.n_runs[j], m = mount_of(plan, j);
     const bd_run *runs = runs_of(system, j);
-    double before[2], given[2];
+    double before[2], given[2], *of_belt = &rhs[bd_belt_body(lay, j)];
     if (m >= 0) {
       sum_of(system, plan, j, before);
     }
-    rhs[j] =
+    *of_belt =
         along ? kernels->link_product(links, joints, pulley, n_runs, runs, &system->along[j], g, c,
                                       system->joint_x, system->joint_y, x, y, p)
               : kernels->contact_product(lay, pulley, n_runs, runs, &system->contact[j], c, x, y);
@@ -544,8 +575,11 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
       sum_of(system, plan, j, given);
       given[0] -= before[0];
       given[1] -= before[1];
-      bd_mount_product(system, plan, m, c, given, &rhs[j]);
+      bd_mount_product(system, plan, m, c, given, of_belt);
     }
+  }
+  if (lay->nc > 0 && !plan->pulleys_locked) {
+    bd_coupling_product(&system->at, model, g, c, rhs);
   }
   if (along) {
     kernels->joints_to_links(links, joints, system->joint_x, system->joint_y, x, y, p);
@@ -572,6 +606,9 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   for (int m = 0; m < lay->nm; ++m) {
     bd_mount_finish(system, plan, m, rhs[lay->np + m], c);
   }
+  if (lay->nc > 0 && !plan->pulleys_locked) {
+    bd_coupling_finish(&system->at, model, g, rhs, c);
+  }
   if (along) {
     bd_close_links(lay, c);
   }
@@ -579,6 +616,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
     c[lay->omega + j] = angular_acceleration;
+    angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[bd_belt_body(lay, j)];
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     if (pulley->law == BD_LAW_NONE) {
       continue;
