@@ -112,7 +112,8 @@ def couplings(report: Told) -> tuple[str, ...]:
     for row in report.pulleys:
         if row.windup is None:
             continue
-        mean, least, most = (math.degrees(one) for one in row.windup)
+        ends = row.windup.mean, row.windup.least, row.windup.most
+        mean, least, most = map(math.degrees, ends)
         text = f"Coupling of {row.name}: windup {mean:.3g} deg ({least:.3g} to {most:.3g})"
         if row.overruns is not None:
             text += f", overruns {percent(row.overruns, 0)} of the time"
