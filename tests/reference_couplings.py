@@ -180,7 +180,7 @@ class Coupled:
         return float(self.drive.energy(own)) + sum(self.energy_terms(y).values())
 
     def integrate(
-        self, y0: Array, torque: Torque, times: Array, t0: float, tol: float = 1e-11
+        self, y0: Array, torque: Torque, times: Array, t0: float, tol: float = 1e-9
     ) -> Array:
         """States at times; of drives whose friction has no memory, which no event resets."""
         run = scipy.integrate.solve_ivp(
@@ -190,7 +190,7 @@ class Coupled:
             "DOP853",
             times,
             rtol=tol,
-            atol=1e-12,
+            atol=1e-11,
             max_step=2e-4,  # a clutch has kinks
         )
         assert run.success, run.message

@@ -19,8 +19,12 @@ from mounted_drives import DRAG, drive, tensioner
 from mounted_drives import METHODS as OF_MOUNTS
 from reference_couplings import Coupled, Coupling
 from scipy.optimize import brentq
+from tiers import ci_if
 
 import beltdyn as bd
+from beltdyn import parameters
+from beltdyn.explaining.removals import leave_out, removals_of
+from beltdyn.sweeping import names
 
 Array = np.ndarray
 METHODS = OF_MOUNTS | {"lie": {"rtol": 1e-3}}
@@ -250,6 +254,7 @@ def shaken(params: bd.Params, seed: int, engaged: bool) -> dict[str, Any]:
     return state
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("engaged", [True, False], ids=["engaged", "free"])
 @pytest.mark.parametrize("name", COUPLINGS)
 @pytest.mark.parametrize("kind", DRIVES)
@@ -279,7 +284,11 @@ def test_rates_and_energies_are_the_oracles(kind: str, name: str, engaged: bool)
 
 @pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 @pytest.mark.parametrize(
-    ("name", "mesh"), [("isolator", "paper"), ("clockwise", "joint"), ("damper", "paper")]
+    ("name", "mesh"),
+    ci_if(
+        lambda case: case[1] == "paper",
+        [("clockwise", "joint"), ("isolator", "paper"), ("damper", "paper")],
+    ),
 )
 def test_a_run_is_the_oracles(name: str, mesh: str) -> None:
     """Histories of a loaded drive whose hub is braked and let go, which makes the clutch overrun:
@@ -290,12 +299,12 @@ def test_a_run_is_the_oracles(name: str, mesh: str) -> None:
     contact = bd.Contact(linear=5e6, damping=500.0)
     params = two(COUPLINGS[name], 30, friction=friction, belt_changes=soft, contact=contact)
     load = bd.PiecewiseLinear(
-        [0.0, 0.002, 0.004, 0.007, 0.008], [[-2, 2], [-2, 2], [2, -8], [2, -8], [-2, 3]]
+        [0.0, 0.001, 0.002, 0.005, 0.0055], [[-2, 2], [-2, 2], [2, -8], [2, -8], [-2, 3]]
     )
     start = bd.settle(params).at_speed(params, {0: -20.0})
-    times = np.linspace(0.0, 0.012, 31)
+    times = np.linspace(0.0, 0.008, 31)
     result = bd.simulate(
-        params, load, 0.012, initial=start, method="tsit5", rtol=1e-9, t_eval=times
+        params, load, 0.008, initial=start, method="tsit5", rtol=1e-9, t_eval=times
     )
     oracle = coupled_oracle(params)
     terms = load.terms(params.pulley_names)
@@ -345,6 +354,7 @@ def test_a_prescribed_hub_gives_the_torque_that_it_needs() -> None:
 # --- linear systems -------------------------------------------------------------------------------
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("engaged", [True, False], ids=["engaged", "free"])
 @pytest.mark.parametrize("name", COUPLINGS)
 @pytest.mark.parametrize("kind", DRIVES)
@@ -407,6 +417,29 @@ def test_what_is_not_there_costs_nothing() -> None:
     assert any("isolators" in name for name in there.effects)
 
 
+def test_sweeps_and_explanations_know_couplings() -> None:
+    """Their numbers have names; left out, hub and rim are one body of both inertias."""
+    params, torque = decoupled()
+    scene = bd.Scene(params, torque, 0.01)
+    assert parameters.read(params, "pulleys[1].coupling.stiffness") == [STIFFNESS]
+    softer, _ = names.changed(scene, {}, {"pulleys[1].coupling.stiffness": 7.0})
+    assert softer.params.pulleys[1].coupling.stiffness == 7.0
+    rigid = [one for one in removals_of(scene) if one.name == "couplings of shafts"]
+    pulley = leave_out(scene, rigid).params.pulleys[1]
+    assert pulley.coupling is None and pulley.inertia == RIM + HUB
+
+
+def test_speeds_are_drawn_of_shafts_and_rims() -> None:
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    params = two(ISOLATOR)
+    result = bd.simulate(params, NO_TORQUE, 1e-3, initial=turning(params, 1.0, 2.0))
+    lines = {line.get_label(): line for line in bd.plot.speeds(result).get_lines()}
+    rim = lines["rim of pulley 1"]
+    assert np.array_equal(rim.get_ydata(), result.couplings.rim_speed[:, 0])
+    assert np.array_equal(lines["pulley 1"].get_ydata(), result.pulleys.omega[:, 1])
+    pyplot.close("all")
+
+
 @pytest.mark.parametrize("name", COUPLINGS)
 def test_files_have_the_coupling(name: str, tmp_path: Any) -> None:
     """TOML of the drive is exact both ways, and so are results and states with couplings."""
@@ -463,6 +496,10 @@ def test_reports_tell_shafts_from_rims() -> None:
     assert "dampers of couplings" in lost
     put_in = sum(row.power for row in report.powers if row.kind == "in")
     assert sum(row.power for row in report.powers if row.kind != "in") == pytest.approx(put_in)
+    row = report.pulleys[1]
+    assert row.overruns is not None and row.windup is not None
+    assert row.windup.mean == pytest.approx(1.0 / STIFFNESS, rel=0.3)  # of the load's torque
+    assert "Coupling of pulley 1: windup" in report.text() + report.text(full=True)
     rims = result._rims()
     assert rims is not None
     assert np.array_equal(rims[:, 1], result.couplings.rim_speed[:, 0])
