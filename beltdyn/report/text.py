@@ -116,7 +116,7 @@ def couplings(report: Told) -> tuple[str, ...]:
         mean, least, most = map(math.degrees, ends)
         text = f"Coupling of {row.name}: windup {mean:.3g} deg ({least:.3g} to {most:.3g})"
         if row.overruns is not None:
-            text += f", overruns {percent(row.overruns, 0)} of the time"
+            text += f", overruns {100.0 * row.overruns:.0f} % of the time"
         remarks.append(f"{text}; speed, torque and power are those of its shaft.")
     return tuple(remarks)
 
