@@ -53,6 +53,7 @@ from . import accuracy, scenes, spectra
 from .accuracy_report import Accuracy, QuantityError
 from .arcs import Arcs
 from .checkpoints import Checkpoint
+from .couplings import Isolator, OverrunningClutch, TorsionalDamper
 from .described import describe as _describe
 from .errors import Interrupted, SimulationError
 from .explaining import Explanation, explain
@@ -129,12 +130,14 @@ __all__ = [
     "Identification",
     "IdentificationInterrupted",
     "Interrupted",
+    "Isolator",
     "Load",
     "LuGre",
     "MaxwellSlip",
     "Modes",
     "Motion",
     "Motor",
+    "OverrunningClutch",
     "Params",
     "Path",
     "PiecewiseLinear",
@@ -161,6 +164,7 @@ __all__ = [
     "Threlfall",
     "Torque",
     "TorqueSum",
+    "TorsionalDamper",
     "Viscous",
     "__version__",
     "accuracy",

@@ -60,6 +60,8 @@ MotionTerm = tuple[Any, ...]
 FrictionLaw = tuple[str, tuple[float | tuple[float, ...], ...]]
 #: ("arm", pivot, numbers) | ("slider", direction, numbers) | ("path", t, displacement)
 MountTerm = tuple[Any, ...]
+#: name of the group of its parameters, "isolator", "clutch" or "damper", and its numbers
+CouplingTerm = tuple[str, tuple[float, ...]]
 #: STATE_FIELDS by name, and "t"
 StateDict = Mapping[str, Any]
 
@@ -82,6 +84,7 @@ class Model:
         names: Sequence[str | None] | None = None,
         mounts: Sequence[MountTerm | None] | None = None,
         model: str = "links",
+        couplings: Sequence[CouplingTerm | None] | None = None,
     ) -> None: ...
     def check_geometry(self) -> None: ...
     def centers(self, travel: ArrayLike, /) -> NDArray[np.float64]: ...

@@ -21,12 +21,14 @@ __all__ = [
     "GROUPS",
     "BeltHistory",
     "ContactHistory",
+    "CouplingHistory",
     "EnergyLedger",
     "Group",
     "JointHistory",
     "MountHistory",
     "PulleyHistory",
     "Stats",
+    "absent_groups",
     "histories",
 ]
 
@@ -93,8 +95,8 @@ class PulleyHistory(Group):
     """Pulleys over time, each (n_t, n_p), ``load`` (n_t, n_p, 2).
 
     Attributes:
-        theta: Angle, counter-clockwise [rad].
-        omega: Angular velocity [rad/s].
+        theta: Angle, counter-clockwise [rad]; of a pulley with a coupling that of its shaft.
+        omega: Angular velocity [rad/s], likewise.
         torque: Set torque M_d of (2.12) [N m]; of a pulley whose motion is prescribed, the torque
             that it needs.
         load: Force of the belt on the pulley in x and y, of contact and friction [N]: the hub load,
@@ -199,6 +201,27 @@ class MountHistory(Group):
 
 
 @attrs.frozen(eq=False, repr=False)
+class CouplingHistory(Group):
+    """Couplings over time, each (n_t, n_c), in the order of ``params.coupled``.
+
+    ``pulleys.theta`` and ``.omega`` are those of the hubs. Of a torsional damper what is said of
+    the rim is of its ring.
+
+    Attributes:
+        rim_angle: Angle of the rim, counter-clockwise [rad].
+        rim_speed: Its angular velocity [rad/s].
+        windup: Windup, rim against hub, of a clutch in the sense in which it drives: >= 0 [rad].
+        transmitted: Torque of the coupling on the shaft, counter-clockwise [N m]; 0 while a clutch
+            overruns.
+    """
+
+    rim_angle: Array
+    rim_speed: Array
+    windup: Array
+    transmitted: Array
+
+
+@attrs.frozen(eq=False, repr=False)
 class EnergyLedger(Group):
     """Stored energies, work and losses over time, each (n_t,) [J]; MODEL section 7.
 
@@ -223,6 +246,8 @@ class EnergyLedger(Group):
             without arms and sliders.
         mount_loss: Lost in dampers, friction and stops of mounts since the start; None without.
         path_work: Work of the belt on axes that follow a path since the start; None without paths.
+        coupling: Stored in the springs of couplings; None without.
+        coupling_loss: Lost in their dampers since the start; None without.
     """
 
     kinetic: Array
@@ -240,6 +265,8 @@ class EnergyLedger(Group):
     mount: Array | None = None
     mount_loss: Array | None = None
     path_work: Array | None = None
+    coupling: Array | None = None
+    coupling_loss: Array | None = None
 
     @property
     def total(self) -> Array:
@@ -375,8 +402,15 @@ GROUPS: dict[str, type[Group]] = {
     "joints": JointHistory,
     "contact": ContactHistory,
     "mounts": MountHistory,
+    "couplings": CouplingHistory,
     "energy": EnergyLedger,
 }
+
+
+def absent_groups(params: Any) -> set[str]:
+    """Give the groups that a drive does not have."""
+    has = {"mounts": params.mounted, "couplings": params.coupled}
+    return {group for group, pulleys in has.items() if not pulleys}
 
 
 def histories(
@@ -385,20 +419,20 @@ def histories(
     energy_terms: Sequence[str],
     *,
     n_bodies: int = 0,
-    mounts: bool = True,
+    left_out: Collection[str] = (),
     names: Collection[str] | None = None,
 ) -> dict[str, Any]:
     """Give the groups by name, from what the core has sampled.
 
-    "energy" is None without the ledger, "mounts" in a drive that has none. Of a run that was asked
-    for some outputs only, groups hold these.
+    "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Of a run
+    that was asked for some outputs only, groups hold these.
 
     Args:
         t: Sample times (n_t,) [s].
         arrays: ``_core.OUTPUTS`` by name, and "pulley", n_t rows each.
         energy_terms: What the columns of "energy" are.
         n_bodies: Number of links, for the zeros of a drive without friction.
-        mounts: Whether the drive has any.
+        left_out: Groups that the drive does not have, of "mounts" and "couplings".
         names: The outputs asked for, as "joints.force"; None: all.
 
     Raises:
@@ -409,7 +443,7 @@ def histories(
     rows = [("pulley", "contact", "LINKS"), *(row[:3] for row in _core.OUTPUTS)]
     for name, group, size in rows:
         asked = names is None or f"{group}.{name}" in names
-        if not asked or group == "energy" or (size == "MOUNTS" and not mounts):
+        if not asked or group == "energy" or group in left_out:
             continue
         if size == "FRICTION" and name not in arrays:
             columns[group][name] = np.broadcast_to(0.0, (t.size, n_bodies))
@@ -418,9 +452,9 @@ def histories(
     groups: dict[str, Any] = {
         group: kind(**columns[group]) if names is None else kind._holding(columns[group])
         for group, kind in GROUPS.items()
-        if group != "energy" and (mounts or group != "mounts")
+        if group != "energy" and group not in left_out
     }
-    groups.setdefault("mounts", None)
+    groups |= dict.fromkeys(left_out)
     groups["energy"] = None if names is None else EnergyLedger._holding({})
     if "energy" in arrays and (names is None or "energy" in names):
         power = arrays["torque"] * arrays["omega"]

@@ -24,6 +24,7 @@ _DIMENSIONS = {
     "LINKS": ("link",),
     "FRICTION": ("link",),
     "MOUNTS": ("mount",),
+    "COUPLINGS": ("coupling",),
     "SPANS": ("span",),
 }
 #: What is not in the tables of the core.
@@ -37,6 +38,7 @@ _TEXTS = {
     "link": "link",
     "joint": "joint, on the left of the link of the same number",
     "mount": "pulley that stands on the mount",
+    "coupling": "pulley whose shaft a coupling joins to its rim",
     "mount_kind": "kind of mount: travels of arms are angles, of sliders lengths",
     "xy": "component",
 }
@@ -105,6 +107,7 @@ def dataset(
         "link": range(params.belt.n_bodies),
         "joint": range(params.belt.n_bodies),
         "mount": [names[k] for k in params.mounted],
+        "coupling": [names[k] for k in params.coupled],
         "xy": ["x", "y"],
     }
     used = {dim for dims, *_ in variables.values() for dim in dims} | {"time"}

@@ -5,6 +5,7 @@ Not from the paper: numbers of the size that such drives have, rounded.
 
 from __future__ import annotations
 
+from .couplings import OverrunningClutch
 from .friction import Dahl, ElasticPlastic
 from .loads import Load, SpeedTable
 from .motions import CrankMotion
@@ -17,7 +18,7 @@ from .torques import PiecewiseLinear
 __all__ = ["conveyor", "crossed_belt", "flat_belt_axis", "serpentine", "tensioned_alternator"]
 
 
-def serpentine(n_bodies: int = 200) -> Scene:
+def serpentine(n_bodies: int = 200, decoupler: bool = False) -> Scene:
     """Run the accessories of an engine at 3000 1/min: seven pulleys, one on a tensioner arm.
 
     A six-ribbed belt drives compressor, alternator, steering pump and water pump; idler and
@@ -29,9 +30,17 @@ def serpentine(n_bodies: int = 200) -> Scene:
     comes, so that the slack span between crank and tensioner keeps its 380 N while the tight span
     at the compressor rises from 610 to 690 N.
 
+    With a decoupler the alternator's rotor hangs on its pulley by an overrunning clutch and a soft
+    spring, on which it swings at 14 Hz, far below the firing at 100 Hz: there its speed fluctuates
+    by 0.2 instead of 2.3 rad/s, the span before it by 26 instead of 100 N, and the tensioner by 0.28
+    instead of 0.40 degrees; the span behind the crank, though, by 135 instead of 75 N (amplitudes
+    after 0.3 s, 120 links). It takes some 0.2 s until the spring has wound up to its 9 degrees.
+
     Args:
         n_bodies: Number of links.
+        decoupler: Whether the alternator has an overrunning decoupler.
     """
+    hub = OverrunningClutch(inertia=0.0026, stiffness=20.0, damping=0.02, clockwise=True)
     params = Params(
         belt=Belt(
             n_bodies=n_bodies,
@@ -43,7 +52,13 @@ def serpentine(n_bodies: int = 200) -> Scene:
         pulleys=[
             Pulley(name="crank", center=(0.0, 0.0), radius=0.080, inertia=0.030),
             Pulley(name="compressor", center=(0.265, 0.010), radius=0.060, inertia=0.0035),
-            Pulley(name="alternator", center=(0.275, 0.205), radius=0.028, inertia=0.0030),
+            Pulley(
+                name="alternator",
+                center=(0.275, 0.205),
+                radius=0.028,
+                inertia=0.0004 if decoupler else 0.0030,
+                coupling=hub if decoupler else None,
+            ),
             Pulley(
                 name="idler",
                 center=(0.160, 0.190),

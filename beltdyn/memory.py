@@ -33,6 +33,7 @@ def check_samples(
     energy_terms: int,
     friction: bool,
     names: Collection[str],
+    n_couplings: int = 0,
 ) -> int:
     """Give the memory that the samples of a run need [byte], if it is available, or very little.
 
@@ -48,6 +49,7 @@ def check_samples(
         "PULLEYS": n_pulleys,
         "PLANE": 2 * n_pulleys,
         "MOUNTS": n_mounts,
+        "COUPLINGS": n_couplings,
         "ENERGY": energy_terms + _LEDGER_COPIES if energy_terms else 0,
     }
     sizes = {name: 8 * widths[size] for name, _group, size, *_ in _core.OUTPUTS}

@@ -101,6 +101,12 @@ class Params:
             if self.mounted
             else None,
             self.belt.model,
+            tuple(
+                None if pulley.coupling is None else pulley.coupling._to_core()
+                for pulley in self.pulleys
+            )
+            if self.coupled
+            else None,
         )
         object.__setattr__(self, "_scene", scene)
         # Whatever is wrong is said now; a length that takes settling is found when it is needed.
@@ -283,6 +289,21 @@ class Params:
         return tuple(k for k, pulley in enumerate(self.pulleys) if pulley.mount is not None)
 
     @property
+    def coupled(self) -> tuple[int, ...]:
+        """Indices of the pulleys with a coupling, in the order of ``State.rim_speed``."""
+        return tuple(k for k, pulley in enumerate(self.pulleys) if pulley.coupling is not None)
+
+    @property
+    def shaft_inertias(self) -> Array:
+        """Inertias of the shafts (n_p,) [kg m^2]: what ``result.pulleys.omega`` belongs to."""
+        return np.array([pulley.shaft_inertia for pulley in self.pulleys])
+
+    @property
+    def coupled_inertias(self) -> Array:
+        """Inertias beyond the couplings (n_c,) [kg m^2]: of rims, and of the rings of dampers."""
+        return np.array([self.pulleys[k].coupled_inertia for k in self.coupled])
+
+    @property
     def has_friction(self) -> bool:
         """Whether there is friction on any pulley."""
         return any(self.friction_on(k) is not None for k in range(len(self.pulleys)))
@@ -440,6 +461,8 @@ class Params:
             if pulley.mount is not None:
                 fields = toml.unstructure(pulley.mount)
                 table["mount"] = {k: v for k, v in fields.items() if v is not None}
+            if pulley.coupling is not None:
+                table["coupling"] = toml.unstructure(pulley.coupling)
         return document
 
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import attrs
 
+from .couplings import Coupling, TorsionalDamper, coupling_or_none
 from .friction import Friction, law_or_none
 from .mounts import Mount, mount_or_none
 from .naming import as_name, names_of
@@ -120,7 +121,8 @@ class Pulley(Printable):
     Attributes:
         center: Position of the axis (x, y) [m].
         radius: Radius of the circle on which the mass centres of the links run, r_p [m], > 0.
-        inertia: Moment of inertia about the axis [kg m^2], > 0.
+        inertia: Moment of inertia about the axis [kg m^2], > 0; with an isolator or a clutch that
+            of the rim alone.
         side: Side of the belt on which it lies: "inside" its loop, or "outside", on its back, as an
             idler that it turns against. Of two pulleys, one of them outside, the belt is crossed.
             The first pulley is inside.
@@ -132,6 +134,9 @@ class Pulley(Printable):
             number, without spaces at its ends, other than those of the drive's other pulleys.
         mount: What lets the axis move: :class:`Arm`, :class:`Slider` or :class:`Path`; None: it is
             fixed. Needs ``Belt(mesh="joint")``.
+        coupling: What joins its rim to its shaft, on which torques, drag and prescribed motions
+            act: :class:`Isolator` or :class:`OverrunningClutch`; or a free ring on it,
+            :class:`TorsionalDamper`; None: it is one rigid body.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -147,6 +152,26 @@ class Pulley(Printable):
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("pulley.friction"))
     name: str | None = attrs.field(default=None, converter=as_name)
     mount: Mount | None = attrs.field(default=None, validator=mount_or_none)
+    coupling: Coupling | None = attrs.field(default=None, validator=coupling_or_none)
+
+    @property
+    def has_rim(self) -> bool:
+        """Whether the belt runs on a rim that a coupling joins to the shaft."""
+        return self.coupling is not None and not isinstance(self.coupling, TorsionalDamper)
+
+    @property
+    def shaft_inertia(self) -> float:
+        """Inertia of the shaft, on which torques act [kg m^2]: with a rim that of its hub."""
+        if self.coupling is not None and self.has_rim:
+            return self.coupling.inertia
+        return self.inertia
+
+    @property
+    def coupled_inertia(self) -> float:
+        """Inertia beyond a coupling [kg m^2]: of the rim, or of a damper's ring; 0: none."""
+        if self.coupling is None:
+            return 0.0
+        return self.inertia if self.has_rim else self.coupling.inertia
 
 
 def as_pulleys(value: Iterable[Pulley]) -> tuple[Pulley, ...]:

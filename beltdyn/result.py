@@ -20,11 +20,13 @@ from .histories import (
     GROUPS,
     BeltHistory,
     ContactHistory,
+    CouplingHistory,
     EnergyLedger,
     JointHistory,
     MountHistory,
     PulleyHistory,
     Stats,
+    absent_groups,
     histories,
 )
 from .mounts import Mount, Path, travel_text
@@ -55,6 +57,7 @@ class Result:
         contact   pulley, normal, friction, mu, slip, velocity     (n_t, n_b)
         span_tension, slip                                         (n_t, n_p)
         mounts    travel, travel_speed, ..., belt_force            (n_t, n_m)
+        couplings rim_angle, rim_speed, windup, transmitted        (n_t, n_c)
         energy    kinetic, ..., residual, passed                   (n_t,)
 
     ``span_tension`` is NaN where no link is free in the span or none touches one of its pulleys.
@@ -70,6 +73,8 @@ class Result:
             the larger normal force.
         mounts: Travels of the mounts from the places of the drive, of arms [rad], of sliders [m],
             and what acts on them (``help(type(result.mounts))``); None in a drive without.
+        couplings: Speeds of the rims of pulleys with a coupling, windup and torque between rim and
+            shaft (``help(type(result.couplings))``); None in a drive without.
         energy: The energy ledger, None for ``ledger=False``.
         stats: Counters, times and error estimates.
         effects: Names of the effects that were simulated; one that the drive does not have
@@ -96,6 +101,7 @@ class Result:
     joints: JointHistory
     contact: ContactHistory
     mounts: MountHistory | None
+    couplings: CouplingHistory | None
     energy: EnergyLedger | None
     stats: Stats
     effects: tuple[str, ...]
@@ -142,7 +148,7 @@ class Result:
             done,
             energy_terms,
             n_bodies=params.belt.n_bodies,
-            mounts=bool(params.mounted),
+            left_out=absent_groups(params),
             names=outputs,
         )
         spans = done.get("span_tension")
@@ -305,7 +311,26 @@ class Result:
 
         NaN while pulley 0 almost stands still, below a thousandth of its highest speed.
         """
-        return self._slip(self.pulleys.omega)
+        rims = self._rims()
+        if rims is None:  # says which of them was not asked for
+            _ = self.pulleys.omega, self.couplings and self.couplings.rim_speed
+        return self._slip(np.asarray(rims))
+
+    def _rims(self) -> Array | None:
+        """Angular velocities of what the belt runs on (n_t, n_p) [rad/s]; None: not kept."""
+        if not self._has("pulleys.omega"):
+            return None
+        on_rim = [
+            (c, k) for c, k in enumerate(self.params.coupled) if self.params.pulleys[k].has_rim
+        ]
+        if not on_rim or self.couplings is None:
+            return self.pulleys.omega
+        if not self._has("couplings.rim_speed"):
+            return None
+        rims = np.array(self.pulleys.omega)
+        for c, k in on_rim:
+            rims[:, k] = self.couplings.rim_speed[:, c]
+        return rims
 
     def _slip(self, omega: Array) -> Array:
         radii = np.array([pulley.radius for pulley in self.params.pulleys])
@@ -417,8 +442,8 @@ class Result:
                 rows.append((f"  speed lost against {driver}", listed(percent[0], error, of, " %")))
                 # The rest is running radii: report() has all parts.
                 rows.append(("    by creep alone", listed(percent[1], error, of, " %")))
-            elif self._has("pulleys.omega"):  # no split of it can be told
-                slip = self._slip(speeds[None])[0, 1:]
+            elif (rims := self._rims()) is not None:  # no split of it can be told
+                slip = self._slip(mean_over(weights, rims[late])[None])[0, 1:]
                 # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
                 if slip.size and (np.abs(slip) <= 1.0).all():
                     against = f"  speed lost against {names[0]}"

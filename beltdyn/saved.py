@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from . import _core, npz
 from .accuracy_report import WORDS, Accuracy, QuantityError
 from .exported import RESULTS
-from .histories import GROUPS, Stats
+from .histories import GROUPS, Stats, absent_groups
 from .outputs import LEDGER, SPANS, chosen
 from .params import Params
 from .run_warnings import RunWarning
-from .state import ROWS, State, saved_shape
+from .state import PARTS, ROWS, State, saved_shape
 
 __all__ = ["read", "write"]
 
@@ -246,12 +246,17 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
     kept = meta["outputs"]
     with_energy = any(name.startswith("energy.") for name in values) if kept is None else True
-    n_m = len(params.mounted)
-    left_out = ({"energy"} if not with_energy else set()) | ({"mounts"} if n_m == 0 else set())
-    sizes = {"PULLEYS": n_p, "MOUNTS": n_m}
+    n_m, n_c = len(params.mounted), len(params.coupled)
+    left_out = ({"energy"} if not with_energy else set()) | absent_groups(params)
+    sizes = {"PULLEYS": n_p, "MOUNTS": n_m, "COUPLINGS": n_c}
 
     def history(group: str) -> dict[str, NDArray[Any]]:
-        shapes = {"pulleys": (t.size, n_p), "mounts": (t.size, n_m), "energy": (t.size,)}
+        shapes = {
+            "pulleys": (t.size, n_p),
+            "mounts": (t.size, n_m),
+            "couplings": (t.size, n_c),
+            "energy": (t.size,),
+        }
         of_group = shapes.get(group, (t.size, n_b))
         arrays = {}
         for field in GROUPS[group].array_names():
@@ -265,7 +270,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
             shape = (t.size, n_p, 2) if name == "pulleys.load" else of_group
             arrays[field] = npz.number_array(name, values[name], kind, shape)
             beyond = not meta["success"] and (
-                name in _MAY_OVERFLOW or group in ("mounts", "energy")
+                name in _MAY_OVERFLOW or group in ("mounts", "couplings", "energy")
             )
             if not beyond and not np.isfinite(arrays[field]).all():
                 raise ValueError(f"{name} must be finite")
@@ -277,7 +282,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         raise ValueError(f"contact.pulley must be from -1 to {n_p - 1}")
     final: dict[str, Any] = {"t": meta.pop("final_t")}
     for name, size in _FINAL.items():
-        if size == "MOUNTS" and n_m == 0 and name not in values:
+        if size in PARTS and sizes[size] == 0 and name not in values:
             continue  # files of earlier versions
         shape = saved_shape(size, values[name]) if size in ROWS else (sizes.get(size, n_b),)
         final[name.removeprefix("final_state.")] = npz.number_array(

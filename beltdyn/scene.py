@@ -59,8 +59,9 @@ class Scene(NamedTuple):
         :class:`AngleTable`. A pulley may have a ``name``, ``side = "outside"``, ``friction`` and
         ``drag`` tables of its own, and a mount: ``mount = { kind = "arm", pivot = [0.1, -0.05],
         inertia = 2e-3, preload = 15.0, stiffness = 20.0 }``, with ``tension = 400.0`` in place of
-        ``preload``, or kind "slider" or "path". In all these and in ``offset`` a
-        pulley that has a ``name`` may be called by it::
+        ``preload``, or kind "slider" or "path"; and a coupling of its shaft: ``coupling = { kind =
+        "clutch", inertia = 3e-3, stiffness = 20.0 }``, or kind "isolator" or "damper". In all these
+        and in ``offset`` a pulley that has a ``name`` may be called by it::
 
             t_end = 1.0
             gravity = [0.0, -9.81]

@@ -145,7 +145,7 @@ def check_initial(params: Params, initial: object) -> None:
     if not isinstance(initial, State):
         hint = ", its final_state is one" if isinstance(initial, Result) else ""
         raise TypeError(f"initial must be a State or None, got {type(initial).__name__}{hint}")
-    initial.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
+    initial.check_fits(params)
 
 
 def positive_or_none(name: str, value: object, unit: str) -> float:

@@ -330,6 +330,7 @@ def _simulate(
         params.belt.n_bodies,
         len(params.pulleys),
         n_mounts=len(params.mounted),
+        n_couplings=len(params.coupled),
         energy_terms=len(params._model.energy_terms) if options["ledger"] else 0,
         friction=params.has_friction,
         names=names,

@@ -203,5 +203,5 @@ def _initial(arrays: Mapping[str, NDArray[Any]], meta: Mapping[str, Any], params
         for saved, name in _INITIAL.items()
     }
     state = State(**fields, t=meta["t"], residual=meta["residual"])
-    state.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
+    state.check_fits(params)
     return state

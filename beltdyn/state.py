@@ -25,14 +25,17 @@ RIMS = 0.01
 SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
 #: Those that can have several rows, each of all links.
 ROWS = ("STATES", "SLOTS")
+#: Which array of a size says how many values there are.
+_FIRST = {"PULLEYS": "theta", "MOUNTS": "travel", "COUPLINGS": "rim_angle"}
+#: Those that only some drives have.
+PARTS = ("MOUNTS", "COUPLINGS")
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
     """Give every field its converter, and check arrays against the size of x or theta."""
 
     def array(name: str) -> dict[str, Any]:
-        like = {"PULLEYS": "theta", "MOUNTS": "travel"}.get(SIZES[name], "x")
-
+        like = _FIRST.get(SIZES[name], "x")
         several = SIZES[name] in ROWS
 
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
@@ -108,6 +111,7 @@ def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[
 
 _LINK_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.x), takes_self=True)
 _MOUNT_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.travel), takes_self=True)
+_COUPLING_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.rim_angle), takes_self=True)
 _PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self=True)
 
 
@@ -158,6 +162,12 @@ class State:
             way, of a path the time [s]; empty without mounts.
         travel_speed: Their rates (n_m,) [rad/s or m/s].
         mount_friction: Share of a mount's friction that acts (n_m,) [1], within +-1.
+        rim_angle: Angles of the rims beyond couplings (n_c,) [rad], in the order of
+            ``params.coupled``, of torsional dampers of their rings; empty without. ``theta`` and
+            ``omega`` are then those of the hubs.
+        rim_speed: Their angular velocities (n_c,) [rad/s].
+        windup: Windup of the couplings (n_c,) [rad]: of rim against hub, of a clutch in the sense
+            in which it drives and never negative.
         t: Time [s].
         residual: After settling, the largest unbalanced force over the mean tension; else None.
 
@@ -179,6 +189,9 @@ class State:
     travel: Array = attrs.Factory(lambda: np.empty(0))
     travel_speed: Array = _MOUNT_ZEROS
     mount_friction: Array = _MOUNT_ZEROS
+    rim_angle: Array = attrs.Factory(lambda: np.empty(0))
+    rim_speed: Array = _COUPLING_ZEROS
+    windup: Array = _COUPLING_ZEROS
     t: float = 0.0
     residual: float | None = None
 
@@ -200,14 +213,16 @@ class State:
         at_rest = "" if self.residual is None else f", residual {self.residual:.2g}"
         return f"State(t={self.t:.6g}, {self.n_bodies} links, {self.n_pulleys} pulley(s){at_rest})"
 
-    def check_fits(
-        self, n_bodies: int, n_pulleys: int, n_mounts: int = 0, argument: str = "initial"
-    ) -> None:
-        """Raise ValueError unless the state is one of that many links, pulleys and mounts."""
-        sizes = {"PULLEYS": n_pulleys, "MOUNTS": n_mounts}
+    def check_fits(self, params: Params, argument: str = "initial") -> None:
+        """Raise ValueError unless the state has the links, pulleys and mounts of a drive."""
+        sizes = {
+            "PULLEYS": len(params.pulleys),
+            "MOUNTS": len(params.mounted),
+            "COUPLINGS": len(params.coupled),
+        }
         for name, size in SIZES.items():
             shape = getattr(self, name).shape
-            expected = (sizes.get(size, n_bodies),)
+            expected = (sizes.get(size, params.belt.n_bodies),)
             if shape[-1:] != expected:
                 raise ValueError(f"{argument}.{name} must have shape {expected}, got {shape}")
 
@@ -220,7 +235,7 @@ class State:
         Raises:
             ValueError: The state is not one of this drive.
         """
-        self.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
+        self.check_fits(params)
         seen = params._model.observe(self._to_core(params))
         spans = span_tension(seen["pulley"], seen["force"], len(params.pulleys))
         joints = seen["force"][0]
@@ -243,7 +258,7 @@ class State:
             TypeError: Not a mapping from pulleys to numbers.
             ValueError: No pulley is named, or there is no such one; the rims' speeds differ.
         """
-        self.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted))
+        self.check_fits(params)
         speeds, v = belt_speed("omega", params, omega)
         core = self._to_core(params)
         if v != 0.0:
@@ -253,7 +268,9 @@ class State:
         going = params._model.set_going(core, v)
         turning = np.array(going["omega"])
         turning[list(speeds)] = list(speeds.values())
-        moving = {name: going[name] for name in ("vx", "vy", "vphi")}
+        moving = {name: going[name] for name in ("vx", "vy", "vphi", "rim_speed")}
+        for c, k in enumerate(params.coupled):
+            moving["rim_speed"][c] = turning[k]
         return attrs.evolve(self, **moving, omega=turning, residual=None)
 
     @classmethod
@@ -321,7 +338,7 @@ class State:
                     name, values[name], np.float64, saved_shape(size, values[name])
                 )
                 for name, size in SIZES.items()
-                if size != "MOUNTS" or name in values  # not in the files of earlier versions
+                if size not in PARTS or name in values  # not in the files of earlier versions
             }
             for name in ("t", "residual"):
                 if name == "t" or name in values:

@@ -20,6 +20,7 @@ import numpy as np
 
 from . import files
 from .checks import Array, close_to, shown
+from .couplings import Coupling, Isolator, OverrunningClutch, TorsionalDamper
 from .friction import LAWS, Friction, Frictionless
 from .loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
 from .motions import AngleTable, CrankMotion
@@ -50,8 +51,15 @@ _MOTIONS: dict[str, type] = {
     "angle_table": AngleTable,
 }
 _MOUNTS: dict[str, type] = {"arm": Arm, "slider": Slider, "path": AxisPath}
+_COUPLINGS: dict[str, type] = {
+    "isolator": Isolator,
+    "clutch": OverrunningClutch,
+    "damper": TorsionalDamper,
+}
 _KIND_OF = {
-    cls: kind for kinds in (_FRICTION, _TORQUES, _MOTIONS, _MOUNTS) for kind, cls in kinds.items()
+    cls: kind
+    for kinds in (_FRICTION, _TORQUES, _MOTIONS, _MOUNTS, _COUPLINGS)
+    for kind, cls in kinds.items()
 }
 #: What a motion can be in a file.
 FileMotion: TypeAlias = PiecewiseLinear | CrankMotion | AngleTable
@@ -135,6 +143,9 @@ def _converter() -> Any:
     )
     converter.register_structure_hook_func(
         lambda kind: kind == (Mount | None), by_kind(_MOUNTS, None)
+    )
+    converter.register_structure_hook_func(
+        lambda kind: kind == (Coupling | None), by_kind(_COUPLINGS, None)
     )
     converter.register_structure_hook_func(lambda kind: kind is Torque, by_kind(_TORQUES, None))
     converter.register_structure_hook_func(lambda kind: kind == FileMotion, by_kind(_MOTIONS, None))

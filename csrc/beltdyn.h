@@ -125,6 +125,32 @@ typedef struct bd_mount {
   const double *t, *displacement; /* copied */
 } bd_mount;
 
+/* What joins a pulley's shaft, on which torques, drag and prescribed motions act, to its rim, on
+ * which the belt runs (MODEL section 5); of a damper belt and torques act on the pulley, and the
+ * ring hangs free. */
+typedef struct bd_isolator {
+  BD_ISOLATOR(X)
+} bd_isolator;
+
+typedef struct bd_clutch {
+  BD_CLUTCH(X)
+} bd_clutch;
+
+typedef struct bd_damper {
+  BD_DAMPER(X)
+} bd_damper;
+
+enum { BD_COUPLING_ISOLATOR, BD_COUPLING_CLUTCH, BD_COUPLING_DAMPER };
+
+typedef struct bd_coupling {
+  int kind; /* BD_COUPLING_... */
+  union {
+    bd_isolator isolator;
+    bd_clutch clutch;
+    bd_damper damper;
+  };
+} bd_coupling;
+
 /* A parameter that is a list: of an element of a friction law each; all lists of a law are of one
  * length. */
 enum { BD_MAX_ELEMENTS = 64 };
@@ -167,6 +193,7 @@ typedef struct bd_pulley {
   int outside;                 /* of the loop, on the back of the belt */
   const char *name;            /* in messages; NULL: none; at most BD_MAX_NAME bytes of UTF-8 */
   const bd_mount *mount;       /* NULL: the axis is fixed */
+  const bd_coupling *coupling; /* NULL: shaft and rim are one */
 } bd_pulley;
 #undef X
 
@@ -258,7 +285,7 @@ int bd_check_parameter(const char *group, const char *name, const char *label, d
 
 /* Arrays owned by the caller, sizes as BD_STATE_FIELDS: n_bodies, n_slots * n_bodies (slot-major;
  * of mu, n_states of each),
- * n_pulleys, n_mounts. phi is continuous: joint 0 carries the winding. */
+ * n_pulleys, n_mounts, n_couplings. phi is continuous: joint 0 carries the winding. */
 typedef struct bd_state {
   double t;
 #define X(symbol, name, size, scale, unit, text) double *name;

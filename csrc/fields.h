@@ -65,6 +65,21 @@
   X(slider, highest, FINITE, "m", "travel of the upper stop")                                      \
   X(slider, stop_stiffness, NONNEGATIVE, "N/m", "of a stop, k_s")                                  \
   X(slider, stop_damping, NONNEGATIVE, "N s/m", "of a stop, d_s")
+/* Couplings between a pulley's shaft and its rim (MODEL section 5), and the ring of a torsional
+ * damper. 0 is a number chosen, of the clutch's stiffness and damping. */
+#define BD_ISOLATOR(X)                                                                             \
+  X(isolator, inertia, POSITIVE, "kg m^2", "of the hub and what turns with it, I_h")               \
+  X(isolator, stiffness, POSITIVE, "N m/rad", "of the spring between hub and rim, k")              \
+  X(isolator, damping, NONNEGATIVE, "N m s/rad", "of the damper between them, d")
+#define BD_CLUTCH(X)                                                                               \
+  X(clutch, inertia, POSITIVE, "kg m^2", "of the hub and what turns with it, I_h")                 \
+  X(clutch, stiffness, NONNEGATIVE, "N m/rad", "of its spring, or of its rollers, k")              \
+  X(clutch, damping, NONNEGATIVE, "N m s/rad", "of the damper beside it, d")                       \
+  X(clutch, clockwise, FLAG, "1", "whether the rim drives the hub clockwise")
+#define BD_DAMPER(X)                                                                               \
+  X(damper, inertia, POSITIVE, "kg m^2", "of the free ring, I_r")                                  \
+  X(damper, stiffness, NONNEGATIVE, "N m/rad", "of the spring between pulley and ring, k")         \
+  X(damper, damping, NONNEGATIVE, "N m s/rad", "of the damper between them, d")
 #define BD_CONTACT(X)                                                                              \
   X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                       \
   X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
@@ -76,7 +91,9 @@
 #define BD_LAW_PARAMETERS(name, class, general, states, text) BD_LAW_##name(X)
 #define BD_PARAMETERS(X)                                                                           \
   BD_BELT(X)                                                                                       \
-  BD_PULLEY(X) BD_DRAG(X) BD_ARM(X) BD_SLIDER(X) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
+  BD_PULLEY(X)                                                                                     \
+  BD_DRAG(X) BD_ARM(X) BD_SLIDER(X) BD_ISOLATOR(X) BD_CLUTCH(X) BD_DAMPER(X) BD_CONTACT(X)         \
+      BD_LAWS(BD_LAW_PARAMETERS)
 
 /* The C type of a parameter under a rule. */
 #define BD_TYPE_POSITIVE double
@@ -88,10 +105,11 @@
 
 /* Fields of a state, in the order of the state vector: X(symbol, name, size, scale, unit, text).
  * size: LINKS n_b values, SLOTS n_b values per friction slot, STATES those times n_states, PULLEYS
- * n_p, MOUNTS one for each pulley with a mount; in this order. scale: what errors are measured by
- * (bd_state_scale): the STRETCH of a joint at rest, that as a SPEED, both over a lever arm (TURN,
- * SPIN), the FRICTION law's own, GRIP that of a mount; NONE: errors are not looked at. With time
- * they are the physical state; to go on bit for bit a run needs more (bd_sim_export). */
+ * n_p, MOUNTS and COUPLINGS one for each pulley with a mount or a coupling; in this order. scale:
+ * what errors are measured by (bd_state_scale): the STRETCH of a joint at rest, that as a SPEED,
+ * both over a lever arm (TURN, SPIN), the FRICTION law's own, GRIP that of a mount, WINDUP that of
+ * a coupling; NONE: errors are not looked at. With time they are the physical state; to go on bit
+ * for bit a run needs more (bd_sim_export). */
 #define BD_STATE_FIELDS(X)                                                                         \
   X(X, x, LINKS, STRETCH, "m", "mass centre of the link")                                          \
   X(Y, y, LINKS, STRETCH, "m", "mass centre of the link")                                          \
@@ -105,13 +123,17 @@
   X(OMEGA, omega, PULLEYS, SPIN, "rad/s", "angular velocity of the pulley")                        \
   X(TRAVEL, travel, MOUNTS, TURN, "rad or m", "of a mount, q; of a path the time [s]")             \
   X(TRAVEL_SPEED, travel_speed, MOUNTS, SPIN, "rad/s or m/s", "rate of the travel")                \
-  X(MOUNT_FRICTION, mount_friction, MOUNTS, GRIP, "1", "share of a mount's friction that acts")
+  X(MOUNT_FRICTION, mount_friction, MOUNTS, GRIP, "1", "share of a mount's friction that acts")    \
+  X(RIM_ANGLE, rim_angle, COUPLINGS, TURN, "rad", "of a coupled rim, or a damper's ring")          \
+  X(RIM_SPEED, rim_speed, COUPLINGS, SPIN, "rad/s", "of a coupled rim, or a damper's ring")        \
+  X(WINDUP, windup, COUPLINGS, WINDUP, "rad", "of a coupling, z")
 
 /* What a model knows of itself: X(type, name, text). */
 #define BD_INFO(X)                                                                                 \
   X(int, n_bodies, "links")                                                                        \
   X(int, n_pulleys, "pulleys")                                                                     \
   X(int, n_mounts, "pulleys with a mount")                                                         \
+  X(int, n_couplings, "pulleys with a coupling")                                                   \
   X(int, n_slots, "friction slots per link: 1 unless spans are short; 0 without friction")         \
   X(int, n_states, "states of friction in a slot: the most that a law in use has")                 \
   X(int, winding, "turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise")    \
@@ -164,6 +186,10 @@
   X(friction_force, mounts, MOUNTS, "N m or N", "of the friction in pivot or guide")               \
   X(stop_force, mounts, MOUNTS, "N m or N", "of the stops")                                        \
   X(belt_force, mounts, MOUNTS, "N m or N", "of the belt on the pulley")                           \
+  X(rim_angle, couplings, COUPLINGS, "rad", "of the rim, or of a damper's ring")                   \
+  X(rim_speed, couplings, COUPLINGS, "rad/s", "its rate")                                          \
+  X(windup, couplings, COUPLINGS, "rad", "z: ahead of the hub, in the sense that a clutch drives") \
+  X(transmitted, couplings, COUPLINGS, "N m", "torque of the coupling on the shaft")               \
   X(energy, energy, ENERGY, "J", "the ledger, columns of BD_ENERGY_TERMS")
 
 /* The energy ledger, MODEL section 7: X(name, kind, text). kind: STORED, a part of E; SUPPLIED and
@@ -185,7 +211,9 @@
   X(drag_loss, LOST, "lost to bearing drag since the start")                                       \
   X(mount, STORED, "stored in springs and stops of mounts, less the work of their preload")        \
   X(mount_loss, LOST, "lost in dampers, friction and stops of mounts since the start")             \
-  X(path_work, LOST, "work of the belt on axes that follow a path since the start")
+  X(path_work, LOST, "work of the belt on axes that follow a path since the start")                \
+  X(coupling, STORED, "stored in springs between shafts and rims")                                 \
+  X(coupling_loss, LOST, "lost in the dampers beside them since the start")
 
 /* What is expanded for the rows that are works, and for no others. */
 #define BD_WORK_STORED(...)

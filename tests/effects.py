@@ -110,6 +110,15 @@ EFFECTS: dict[str, Effect] = {
         ),
         meshes=("joint",),
     ),
+    "couplings": Effect(
+        on=of_pulley(coupling=bd.OverrunningClutch(inertia=1e-3, stiffness=20.0)),
+        tiny=of_pulley(coupling=bd.TorsionalDamper(inertia=TINY, stiffness=0.0, damping=TINY)),
+        passes=1,
+        bytes=True,
+        outputs=frozenset(
+            {"energy", *(name for name, group, *_ in _core.OUTPUTS if group == "couplings")}
+        ),
+    ),
 }
 
 

@@ -65,7 +65,7 @@ def tight(name: str) -> bd.Result:
 
 
 def arrays_of(result: bd.Result) -> dict[str, np.ndarray]:
-    parts = ("pulleys", "belt", "joints", "contact", "mounts", "energy")
+    parts = ("pulleys", "belt", "joints", "contact", "mounts", "couplings", "energy")
     groups = [getattr(result, part) for part in parts]
     return {f"{type(g).__name__}.{k}": a for g in groups if g for k, a in g.arrays().items()}
 

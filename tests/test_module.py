@@ -43,7 +43,7 @@ def test_tables_are_what_the_objects_use(model, rest):
     state_names = [name for name, *_ in _core.STATE_FIELDS]
     assert list(simulation.state()) == ["t", *state_names]
     assert list(model.rate(rest, [0, 0])) == state_names
-    outputs = [name for name, _, size, *_ in _core.OUTPUTS if size != "MOUNTS"]
+    outputs = [name for name, _, size, *_ in _core.OUTPUTS if size not in ("MOUNTS", "COUPLINGS")]
     assert list(simulation.sample([0.0])) == [*outputs, "pulley"]
     assert list(simulation.stats) == [name for name, _ in _core.STATS]
     assert {row[2] for row in _core.PARAMETERS} <= {row[0] for row in _core.RULES}
@@ -65,7 +65,8 @@ def test_constants_and_the_kernel_level_of_the_environment(monkeypatch):
 
 
 def test_signatures_and_docstrings_can_be_read():
-    others = ["drag", "pulley_friction", "mesh", "outside", "names", "mounts", "model"]
+    others = ["drag", "pulley_friction", "mesh", "outside", "names", "mounts", "model",
+              "couplings"]  # fmt: skip
     assert list(inspect.signature(_core.Model).parameters) == [*SCENE, *others]
     parameters = inspect.signature(_core.Simulation).parameters.values()
     assert [one.name for one in parameters] == [
@@ -200,7 +201,15 @@ def test_model_info(model):
     assert info["n_states"] == 1 and without["n_states"] == 0
     assert info["link_length"] == 1.2 / N_B
     assert info["path_length"] == pytest.approx(0.58 + 0.2 * math.pi, rel=1e-14)
-    integers = {"n_bodies", "n_pulleys", "n_mounts", "n_slots", "n_states", "winding"}
+    integers = {
+        "n_bodies",
+        "n_pulleys",
+        "n_mounts",
+        "n_couplings",
+        "n_slots",
+        "n_states",
+        "winding",
+    }
     assert {name for name, value in info.items() if isinstance(value, int)} == integers
     assert all(type(value) in (int, float) for value in info.values())
     info.clear()

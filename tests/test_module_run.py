@@ -31,9 +31,9 @@ V, T = ValueError, TypeError
 def test_rate(model, rest):
     state = {**rest, "omega": np.array([0.5, -1.0]), "vx": np.linspace(-1, 1, N_B)}
     rate = model.rate(state, [3.0, 0.0])
-    sizes = {"LINKS": N_B, "SLOTS": N_B, "STATES": N_B, "PULLEYS": N_P, "MOUNTS": 0}
+    sizes = {"LINKS": N_B, "SLOTS": N_B, "STATES": N_B, "PULLEYS": N_P}
     for name, size, *_ in _core.STATE_FIELDS:
-        assert rate[name].shape == (sizes[size],) and rate[name].dtype == np.float64
+        assert rate[name].shape == (sizes.get(size, 0),) and rate[name].dtype == np.float64
     np.testing.assert_array_equal(rate["theta"], state["omega"])
     np.testing.assert_array_equal(rate["x"], state["vx"])
     more = model.rate(state, [4.0, 0.0])
@@ -61,8 +61,9 @@ def refused_by_all(model, state, kind, message):
             use()
 
 
+OF_SOME = ("MOUNTS", "COUPLINGS")
 #: What a drive without mounts has; what it has none of may be left out.
-FIELDS = [row[:2] for row in _core.STATE_FIELDS if row[1] != "MOUNTS"]
+FIELDS = [row[:2] for row in _core.STATE_FIELDS if row[1] not in OF_SOME]
 
 
 @pytest.mark.parametrize(("name", "size"), FIELDS)
@@ -201,10 +202,10 @@ def test_samples(model, rest):
     samples = simulation.sample(times)
     times[:] = math.nan
     widths = {"LINKS": N_B, "FRICTION": N_B, "PULLEYS": N_P, "ENERGY": len(model.energy_terms)}
-    absent = {"drag_loss", "mount", "mount_loss", "path_work"}  # without drag and mounts
+    absent = {"drag_loss", "mount", "mount_loss", "path_work", "coupling", "coupling_loss"}
     columns = [name for name, *_ in _core.ENERGY_TERMS if name not in absent]
     assert model.energy_terms == tuple(columns)
-    rows = [row for row in _core.OUTPUTS if row[2] != "MOUNTS"]
+    rows = [row for row in _core.OUTPUTS if row[2] not in OF_SOME]
     for name, _, size, *_ in rows:
         shape = (201, N_P, 2) if size == "PLANE" else (201, widths[size])
         assert samples[name].shape == shape and samples[name].dtype == np.float64

@@ -86,7 +86,7 @@ def test_off_is_not_there_and_on_takes_what_it_needs(name: str, mesh: str) -> No
 def test_a_coefficient_of_0_is_off(name: str, mesh: str) -> None:
     effect, off = EFFECTS[name], Counted(bare(mesh))
     if effect.zero is None:
-        assert name == "mounts", "only a mount has no number that is 0 without it"
+        assert name in ("mounts", "couplings"), "only bodies have no number that is 0 without them"
         return
     assert_same_in_all(Counted(effect.zero(bare(mesh))), off)
 

@@ -23,7 +23,8 @@ from beltdyn.rules import rules_of
 
 CLASSES: dict[str, Any] = {
     **{"belt": bd.Belt, "pulley": bd.Pulley, "drag": bd.Drag, "arm": bd.Arm},
-    **{"slider": bd.Slider, "contact": bd.Contact, **LAWS},
+    **{"slider": bd.Slider, "isolator": bd.Isolator, "clutch": bd.OverrunningClutch},
+    **{"damper": bd.TorsionalDamper, "contact": bd.Contact, **LAWS},
 }
 GOOD: dict[str, dict[str, Any]] = {
     "belt": {
@@ -34,6 +35,9 @@ GOOD: dict[str, dict[str, Any]] = {
     "drag": {"coulomb": 0.2, "viscous": 1e-3, "quadratic": 1e-5},
     "arm": {"pivot": (0.1, 0.0), "inertia": 2e-3},
     "slider": {"direction": (1.0, 0.0), "mass": 3.0},
+    "isolator": {"inertia": 3e-3, "stiffness": 20.0},
+    "clutch": {"inertia": 3e-3},
+    "damper": {"inertia": 3e-3, "stiffness": 20.0},
     "contact": {"quadratic": 5e10, "linear": 2.5e7, "damping": 1e3, "compensate": True},
     **{name: attrs.asdict(law) for name, law in EXAMPLES.items()},
 }
@@ -70,7 +74,7 @@ def test_every_number_is_checked_by_its_rule(group: str, name: str, rule: str) -
         if left_open or (rule == "FLAG" and isinstance(value, (bool, np.bool_))):
             # a preload decides the length, and another field of a mount the preload; what else is
             # left open is chosen: of mounts by the core
-            stays = name == "length" or group in ("arm", "slider")
+            stays = name == "length" or (value is None and group in ("arm", "slider", "clutch"))
             assert (getattr(build(group, **{name: value}), name) is None) == stays
         else:
             refused(TypeError, rf"(\[0\])? must be {kind}.*, got ", group, name, value)

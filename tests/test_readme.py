@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 import beltdyn as bd
 from beltdyn import _core, cli
-from beltdyn.histories import MountHistory
+from beltdyn.histories import CouplingHistory, MountHistory
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -54,6 +54,9 @@ def test_the_scene_file_and_the_methods() -> None:
     assert sorted(rows) == sorted(bd.METHODS)
 
 
+OF_SOME = {"mounts": MountHistory, "couplings": CouplingHistory}
+
+
 def test_the_table_of_results_names_what_is_there() -> None:
     result = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-3)
     rows = re.findall(r"^(\w+) +(\w+, .*?) +\((.*)\)$", example(bd.Result), re.MULTILINE)
@@ -61,12 +64,13 @@ def test_the_table_of_results_names_what_is_there() -> None:
     sizes = {"n_t": n_t, "n_b": n_b, "n_p": 2}
     for group, names, sizes_of in rows:
         for name in names.replace("..., ", "").split(", "):
-            if group == "mounts":  # of drives that have some
-                assert result.mounts is None and name in attrs.fields_dict(MountHistory)
+            if group in OF_SOME:  # of drives that have some
+                assert getattr(result, group) is None
+                assert name in attrs.fields_dict(OF_SOME[group])
                 continue
             shape = tuple(sizes[size] for size in sizes_of.replace(",", " ").split())
             assert getattr(getattr(result, group), name).shape == shape, f"{group}.{name}"
-    groups = {"pulleys", "belt", "joints", "contact", "mounts", "energy"}
+    groups = {"pulleys", "belt", "joints", "contact", *OF_SOME, "energy"}
     assert {group for group, *_ in rows} == groups
     assert result.span_tension.shape == result.slip.shape == (n_t, 2)
 

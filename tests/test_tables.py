@@ -21,7 +21,8 @@ from beltdyn.rules import rules_of
 
 PARTS: dict[str, type] = {
     **{"belt": bd.Belt, "pulley": bd.Pulley, "drag": bd.Drag, "arm": bd.Arm},
-    **{"slider": bd.Slider, "contact": bd.Contact, **LAWS},
+    **{"slider": bd.Slider, "isolator": bd.Isolator, "clutch": bd.OverrunningClutch},
+    **{"damper": bd.TorsionalDamper, "contact": bd.Contact, **LAWS},
 }
 
 

@@ -35,6 +35,7 @@ HISTORIES = ("tension", "speed")
 #: The outputs of a run that they are read off from (:func:`observe`).
 OBSERVED = (
     "pulleys.omega",
+    "couplings.rim_speed",
     "pulleys.torque",
     "belt.x",
     "belt.y",
@@ -126,7 +127,9 @@ def observe(result: Result, last: float = 0.2) -> Observed:
     means = _time_mean(tension, late)
     rims = np.abs(omega * radii)
     speed = max(float(np.max(_time_mean(rims, late))), STANDS * float(np.max(rims)))
-    creep = _creep(_time_mean(omega, late) * radii * params.route.senses, speed)
+    turning = result._rims()
+    assert turning is not None  # it is among OBSERVED
+    creep = _creep(_time_mean(turning, late) * radii * params.route.senses, speed)
     overall = float(np.mean(_time_mean(result.joints.force, time_weights(t, t[0]))))
     force = float(np.max(np.abs(forces)))
     return Observed(

@@ -14,7 +14,7 @@ __all__ = ["Pass", "StateSize", "Step", "size_of", "time_step"]
 
 #: Parts of the state by the size of their fields in the table of the core; what has another one is
 #: of friction, at links in contact.
-_PARTS = {"LINKS": "links", "PULLEYS": "pulleys", "MOUNTS": "mounts"}
+_PARTS = {"LINKS": "links", "PULLEYS": "pulleys", "MOUNTS": "mounts", "COUPLINGS": "couplings"}
 _OTHER, _LEDGER = "friction", "ledger"
 #: A number of the core's state.
 _BYTES = 8
@@ -30,7 +30,7 @@ class StateSize:
     """How large the state is.
 
     Attributes:
-        parts: Numbers by part: "links", "friction", "pulleys", "mounts", "ledger".
+        parts: Numbers by part: "links", "friction", "pulleys", "mounts", "couplings", "ledger".
         fields: Names of what each part holds.
         numbers: Length of the state vector as the core keeps it, with its padding for vectors.
         bytes: The same in bytes.
@@ -96,7 +96,7 @@ class Step:
 def size_of(sim: _core.Simulation, string: bool) -> StateSize:
     """Give the size of the state of a run; that of a string has no angles of links."""
     state, sizes = sim.state(), sim.sizes
-    names = ("links", _OTHER, "pulleys", "mounts")
+    names = ("links", _OTHER, "pulleys", "mounts", "couplings")
     parts = dict.fromkeys(names, 0)
     fields: dict[str, tuple[str, ...]] = dict.fromkeys(names, ())
     for name, size, *_ in _core.STATE_FIELDS:

@@ -30,6 +30,7 @@ _HOLDS = {
     ("arm", "stiffness"),
     ("slider", "stiffness"),
     ("slider", "weight"),
+    ("damper", "stiffness"),
     ("contact", "quadratic"),
 }
 #: Numbers that may be 0 although something is chosen by default.
@@ -215,6 +216,19 @@ def _without_mounts(scene: Scene) -> Scene:
     return scene._replace(params=fixed)
 
 
+def _has_rims(scene: Scene) -> bool:
+    return any(pulley.coupling is not None for pulley in scene.params.pulleys)
+
+
+def _without_couplings(scene: Scene) -> Scene:
+    """Make hub and rim, or pulley and ring, one body."""
+    pulleys = [
+        attrs.evolve(pulley, inertia=pulley.shaft_inertia + pulley.coupled_inertia, coupling=None)
+        for pulley in scene.params.pulleys
+    ]
+    return scene._replace(params=attrs.evolve(scene.params, pulleys=pulleys))
+
+
 def _has_crank(scene: Scene) -> bool:
     return any(isinstance(motion, CrankMotion) for motion in (scene.motion or {}).values())
 
@@ -264,6 +278,10 @@ _OTHERS: tuple[tuple[Removal, Callable[[Scene], bool]], ...] = (
     (
         Removal("harmonics of torques", "no Harmonics among the torques", _without_harmonics),
         _has_harmonics,
+    ),
+    (
+        Removal("couplings of shafts", "coupling = None, hub and rim one body", _without_couplings),
+        _has_rims,
     ),
     (
         Removal("motion of mounts", "mount = None, fixed where the belt rests", _without_mounts),

@@ -110,6 +110,8 @@ def speeds(
 ) -> Axes:
     """Draw the angular velocities of the pulleys over time: Figs 7, 14 and 19 of the paper.
 
+    Of pulleys with a coupling those of their shafts, and dotted those of their rims.
+
     Args:
         result: A run with at least one sample.
         pulleys: A pulley or several, by index or name; None: all.
@@ -121,8 +123,15 @@ def speeds(
         TypeError, ValueError: An argument breaks its rule.
     """
     result = with_samples(result)
-    ylabel = "angular velocity [rad/s]"
-    return _pulleys(result, pulleys, result.pulleys.omega, ylabel, ax, line)
+    ax, which = pulley_lines(result, pulleys, result.pulleys.omega, ax, line)
+    for c, k in enumerate(result.params.coupled):
+        if k in which and result.couplings is not None:
+            name = f"rim of {style.plain(result.pulleys.names[k])}"
+            look = line | {"linestyle": ":"}
+            lines(ax, [(k, name, result.t, result.couplings.rim_speed[:, c])], look)
+    style.dress(ax, _TIME, "angular velocity [rad/s]")
+    style.legend(ax)
+    return ax
 
 
 def torques(

@@ -20,7 +20,18 @@ from .digits import (
     within,
 )
 from .rows import PulleyRow, SpanRow, Told
-from .text import _NOTHING, _OF_KIND, _STILL, _TO_RPM, Table, _direction, _without, columns, opening
+from .text import (
+    _NOTHING,
+    _OF_KIND,
+    _STILL,
+    _TO_RPM,
+    Table,
+    _direction,
+    _without,
+    columns,
+    couplings,
+    opening,
+)
 
 __all__ = ["html", "lines"]
 
@@ -118,7 +129,7 @@ def _pulleys(report: Told) -> Table:
             "margin: factor by which all loads can grow until it slips in full (later: others slip "
             "first)",
         )
-    return Table("Pulleys", heading, rows, remarks)
+    return Table("Pulleys", heading, rows, remarks + couplings(report))
 
 
 def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:

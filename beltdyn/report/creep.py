@@ -82,7 +82,10 @@ def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Cr
     """Give the rows of all pulleys but the driving one, and what is missing."""
     params, notes = window.params, []
     names = params.pulley_names
-    omega = window.mean(window.of(window.run.pulleys.omega))
+    kept = window.run._rims()
+    if kept is None:
+        return [], ["no creep: couplings.rim_speed not asked for (outputs of simulate)"]
+    omega = window.mean(window.of(kept))
     radii = np.array([pulley.radius for pulley in params.pulleys])
     rims = omega * radii * params.route.senses
     spans = window.spans()

@@ -26,6 +26,8 @@ class Number(NamedTuple):
 _UNITS: dict[type, dict[str, str]] = {
     PulleyRow: {
         "speed": "rad/s",
+        "rim_speed": "rad/s",
+        "windup": "rad",
         "torque": "N m",
         "power": "W",
         "belt_torque": "N m",

@@ -22,6 +22,7 @@ _LOSSES = {
     "friction_loss": "friction on the pulleys",
     "drag_loss": "bearing drag",
     "mount_loss": "dampers and friction of mounts",
+    "coupling_loss": "dampers of couplings",
 }
 #: Work of the belt on axes that are led along a path: taken off by what leads them, or put in.
 _PATH = "path_work"

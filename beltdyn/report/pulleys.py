@@ -9,6 +9,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array
+from ..couplings import OverrunningClutch
 from .rows import PulleyRow, Spread
 from .slipping import slip_rows
 from .touching import Touching
@@ -55,6 +56,7 @@ def pulley_rows(
     ):
         if all(run._has(name) for name in names):
             rows = [attrs.evolve(row, **of(window, k)) for k, row in enumerate(rows)]
+    rows = [attrs.evolve(row, **_coupling(window, k)) for k, row in enumerate(rows)]
     if touching is not None:
         rows = [attrs.evolve(row, **_contact(window, touching, k)) for k, row in enumerate(rows)]
         rows, notes = slip_rows(window, touching, driver, rows, margins)
@@ -82,6 +84,21 @@ def _slip_error(row: PulleyRow, returning: float) -> float:
 
 def _speeds(window: Window, k: int) -> dict[str, Any]:
     return {"speed": spread(window, window.of(window.run.pulleys.omega)[:, k])}
+
+
+def _coupling(window: Window, k: int) -> dict[str, Any]:
+    params, run = window.params, window.run
+    if run.couplings is None or k not in params.coupled:
+        return {}
+    c, found = params.coupled.index(k), {}
+    for name in ("rim_speed", "windup"):
+        if run._has(f"couplings.{name}"):
+            found[name] = spread(window, window.of(getattr(run.couplings, name))[:, c])
+    clutch = isinstance(params.pulleys[k].coupling, OverrunningClutch)
+    if clutch and run._has("couplings.transmitted"):
+        free = window.of(run.couplings.transmitted)[:, c] == 0.0
+        found["overruns"] = float(window.mean(free.astype(float)))
+    return found
 
 
 def _torques(window: Window, k: int) -> dict[str, Any]:

@@ -47,6 +47,10 @@ class PulleyRow:
         name: Its name, "pulley 3" of one that has none.
         prescribed: Whether its motion was given, and its speed is exact.
         speed: Angular velocity, counter-clockwise [rad/s].
+        rim_speed: Of a pulley with a coupling the angular velocity of its rim, or of the ring of a
+            torsional damper [rad/s]; None: it has none, or it was not asked for.
+        windup: Of the coupling [rad].
+        overruns: Share of the time in which an overrunning clutch is free [1].
         torque: Torque set on it or, where its motion is prescribed, that it needs [N m].
         power: Power of that torque, positive where it drives [W].
         belt_torque: Mean torque of the belt on it, counter-clockwise [N m].
@@ -90,6 +94,9 @@ class PulleyRow:
     name: str
     prescribed: bool = False
     speed: Spread | None = None
+    rim_speed: Spread | None = None
+    windup: Spread | None = None
+    overruns: float | None = None
     torque: Spread | None = None
     power: Spread | None = None
     belt_torque: float | None = None

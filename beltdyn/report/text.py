@@ -115,7 +115,22 @@ def _motion(report: Told) -> Table:
         )
     heading = ("pulley", "1/min", "rad/s", "range", "torque", "range", "power")
     title = "Speed, torque in N m, power in W (counter-clockwise, and put in, positive)"
-    return Table(title, heading, rows)
+    return Table(title, heading, rows, couplings(report))
+
+
+def couplings(report: Told) -> tuple[str, ...]:
+    """Say of each coupling its windup, and for how long a clutch is free."""
+    remarks = []
+    for row in report.pulleys:
+        if row.windup is None:
+            continue
+        ends = row.windup.mean, row.windup.least, row.windup.most
+        mean, least, most = map(math.degrees, ends)
+        text = f"Coupling of {row.name}: windup {mean:.3g} deg ({least:.3g} to {most:.3g})"
+        if row.overruns is not None:
+            text += f", overruns {100.0 * row.overruns:.0f} % of the time"
+        remarks.append(f"{text}; speed, torque and power are those of its shaft.")
+    return tuple(remarks)
 
 
 def _without(value: Spread | None, least: float) -> Spread | None:

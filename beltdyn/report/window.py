@@ -17,6 +17,7 @@ from ..checks import Array
 from ..histories import (
     BeltHistory,
     ContactHistory,
+    CouplingHistory,
     EnergyLedger,
     JointHistory,
     MountHistory,
@@ -61,6 +62,12 @@ class Run(Sampled, Protocol):
     @property
     def mounts(self) -> MountHistory | None:
         """Histories of the mounts."""
+
+    @property
+    def couplings(self) -> CouplingHistory | None:
+        """Histories of the couplings."""
+
+    def _rims(self) -> Array | None: ...
 
     @property
     def energy(self) -> EnergyLedger | None:

@@ -21,9 +21,21 @@ _UNITS = {
     "pulleys": {"theta": "rad", "omega": "rad/s", "torque": "N m", "load": "N"},
     "belt": {"x": "m", "y": "m", "phi": "rad", "vx": "m/s", "vy": "m/s", "vphi": "rad/s"},
     "joints": {"deformation": "m", "force": "N"},
+    "couplings": {
+        "rim_angle": "rad",
+        "rim_speed": "rad/s",
+        "windup": "rad",
+        "transmitted": "N m",
+    },
     "contact": {"normal": "N", "friction": "N", "mu": "1", "slip": "m", "velocity": "m/s"},
 }
-_SELECTED_BY = {"pulleys": "pulley", "belt": "link", "joints": "joint", "contact": "link"}
+_SELECTED_BY = {
+    "pulleys": "pulley",
+    "belt": "link",
+    "joints": "joint",
+    "contact": "link",
+    "couplings": "pulley",
+}
 
 
 @attrs.frozen(eq=False)
@@ -64,7 +76,7 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
         raise TypeError(f"{output} is selected by {by}=, not by {', '.join(set(given) - {by})}=")
     held = result if group == "span_tension" else getattr(result, group)
     if held is None:
-        raise ValueError(f"{output}: this drive has no mounts")
+        raise ValueError(f"{output}: this drive has no {group}")
     values = np.asarray(getattr(held, name or output)[rows], dtype=float)
     names, unit = _columns(result, output, by)
     if values.ndim == 3:  # forces in x and y
@@ -105,6 +117,8 @@ def _columns(result: Result, output: str, by: str) -> tuple[list[str], str | lis
         return [pulleys[k] for k in params.mounted], [of_arm if arm else other for arm in arms]
     group, _, name = output.partition(".")
     unit = _UNITS[group].get(name, "1")
+    if group == "couplings":
+        return [pulleys[k] for k in params.coupled], unit
     if by == "pulley":
         return list(pulleys), unit
     return [f"{by} {k}" for k in range(params.belt.n_bodies)], unit

@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array, close_to, share_of_run
-from ..histories import Stats
+from ..histories import Stats, absent_groups
 from ..labelled import described, span_names, unit_of_mounts
 from ..params import Params
 from ..report import flat, make_report
@@ -289,8 +289,9 @@ def _check(name: str, params: Params) -> None:
             raise ValueError(f"measure: there is no {name!r}{close_to(field, known)}")
     else:
         history, _ = _split(name)
-        if history.startswith("mounts.") and not params.mounted:
-            raise ValueError(f"measure: {name}: this drive has no mounts")
+        group = history.partition(".")[0]
+        if group in absent_groups(params):
+            raise ValueError(f"measure: {name}: this drive has no {group}")
 
 
 def _check_of_report(name: str, params: Params) -> None:

@@ -55,7 +55,7 @@ def imbalance(
         rate = {
             name: (after[name] - (np.roll(core[name], -one) if name[0] == "v" else core[name]))
             * abs(passing)
-            for name in ("vx", "vy", "omega", "travel_speed")
+            for name in ("vx", "vy", "omega", "travel_speed", "rim_speed")
         }
     tension = max(float(state.tension(params).mean), 1e-12)
     force, what = max(_forces(params, rate, core, held), key=lambda part: part[0])
@@ -71,8 +71,11 @@ def _forces(
     out = [(float(links[i]), f"link {i}")]
     for k, pulley in enumerate(params.pulleys):
         if k not in held:
-            force = abs(float(rate["omega"][k])) * pulley.inertia / pulley.radius
+            force = abs(float(rate["omega"][k])) * pulley.shaft_inertia / pulley.radius
             out.append((force, params.label(k)))
+    for c, k in enumerate(params.coupled):
+        torque = abs(float(rate["rim_speed"][c])) * params.coupled_inertias[c]
+        out.append((torque / params.pulleys[k].radius, f"the rim of {params.label(k)}"))
     centers = params.centers(core["travel"]) if params.mounted else params.centers()
     for m, k in enumerate(params.mounted):
         mount = params.pulleys[k].mount

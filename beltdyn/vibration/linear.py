@@ -8,7 +8,8 @@ the distance of links that B is sparse. That takes as many solves as there are u
 what a solve at real shifts does not: shifts anywhere in the complex plane by a sparse LU, torques
 that depend on speeds, prescribed motions, and the running belt, as entries of one matrix.
 
-Left out are the slip displacements, on which nothing depends, and friction states of links that
+Left out are the slip displacements and the angles of rims, on which nothing depends (a coupling
+knows its windup), and friction states of links that
 touch no pulley.
 
 A running belt carries its links along: J is taken as they stand at one moment, in coordinates that
@@ -47,6 +48,7 @@ NOTHING = 1e-19
 #: Slower than this share of the rate at which the slowest wave passes links, the belt is at rest.
 CRAWL = 1e-6
 _POSITIONS = ("x", "y", "phi", "theta", "travel")
+_SPEEDS = ["vx", "vy", "vphi", "omega", "travel_speed", "rim_speed"]
 _RATES = {"x": "vx", "y": "vy", "phi": "vphi", "theta": "omega", "travel": "travel_speed"}
 #: Of which each link, or each state of friction of a link, has one.
 LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
@@ -123,7 +125,7 @@ class Linear:
 
     def norms(self, rate: float) -> Array:
         """Sizes of the unknowns in vibrations of this angular frequency [1/s]."""
-        fast = np.isin(self.names, list(_RATES.values()))
+        fast = np.isin(self.names, _SPEEDS)
         return np.where(fast, rate, 1.0) * self.unit
 
     def scaled(self, rate: float) -> tuple[Array, Any]:
@@ -196,7 +198,7 @@ def linearise(
 
 
 def _unknowns(params: Params, core: Mapping[str, Any]) -> tuple[Any, NDArray[np.intp]]:
-    left_out = {"slip"} | ({"phi", "vphi"} if params.belt_model == "string" else set())
+    left_out = {"slip", "rim_angle"} | ({"phi", "vphi"} if params.belt_model == "string" else set())
     sizes = {name: np.size(core[name]) for name in _SIZES if name not in left_out}
     names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
     return names, np.concatenate([np.arange(size) for size in sizes.values()])
@@ -239,8 +241,10 @@ def _units(params: Params, names: Any, index: Any, b: Any, g: float, columns: An
             levers[m] = np.hypot(*axis_direction(mount, at[k]))
     for name in ("travel", "travel_speed"):
         unit[names == name] = 1.0 / levers
+    for name in ("rim_speed", "windup"):
+        unit[names == name] = 1.0 / radii[list(params.coupled)]
     # states of friction: what a slip of 1 m makes of them as it begins
-    rates = np.isin(names[columns], list(_RATES.values()))
+    rates = np.isin(names[columns], _SPEEDS)
     by_slip = abs(b[:, np.flatnonzero(rates)]).multiply(unit[columns][rates] / g)
     largest = np.asarray(by_slip.max(axis=1).todense()).ravel()
     for name in ("mu", "mount_friction"):
@@ -257,7 +261,7 @@ def _jacobian(params: Params, core: Mapping[str, Any], names: Any, index: Any) -
     g = SHORT / fastest
     few = np.flatnonzero((index % 5 == 0) | ~np.isin(names, ["x", "y", "phi", "vx", "vy", "vphi"]))
     every = np.arange(len(names))
-    rates = np.isin(names, list(_RATES.values()))
+    rates = np.isin(names, _SPEEDS)
     for _ in range(TRIES):  # a g so short, from every fifth link
         b = _columns(params, core, names, index, g, few)
         unit = _units(params, names, index, b, g, few)
@@ -306,7 +310,7 @@ def _coupled(params: Params, names: Any, index: Any, total: Any, sparse: Any) ->
 
 
 def _of_torques(params: Params, names: Any, slopes: tuple[Array, Array], sparse: Any) -> Any:
-    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    inertia = params.shaft_inertias
     out = sparse.lil_matrix((len(names), len(names)))
     rows = np.flatnonzero(names == "omega")
     for name, slope in zip(("theta", "omega"), slopes, strict=True):

@@ -59,7 +59,7 @@ def states_over(
         motion: Any = {k: PiecewiseLinear([0.0], [float(core["omega"][k])]) for k in prescribed}
         states, time = [state], 1.0 / (abs(a) * phases)
     else:
-        inertia = np.array([pulley.inertia for pulley in params.pulleys])
+        inertia = params.shaft_inertias
         radii = np.array([pulley.radius for pulley in params.pulleys])
         rate = first_rate(params)
         turn = PERIODS * 2.0 * np.pi / rate
@@ -95,7 +95,7 @@ def _sum(torque: TorqueLike, more: Viscous) -> TorqueLike:
 
 
 def _stopped(state: State) -> State:
-    names = ("vx", "vy", "vphi", "omega", "travel_speed")
+    names = ("vx", "vy", "vphi", "omega", "travel_speed", "rim_speed")
     return attrs.evolve(state, **{name: 0.0 * getattr(state, name) for name in names})
 
 

@@ -244,7 +244,7 @@ def check_drive(params: Params, state: State) -> None:
         raise TypeError(f"params must be a Params, got {type(params).__name__}")
     if not isinstance(state, State):
         raise TypeError(f"state must be a State, got {type(state).__name__}")
-    state.check_fits(params.belt.n_bodies, len(params.pulleys), len(params.mounted), "state")
+    state.check_fits(params, "state")
 
 
 def linear_drive(

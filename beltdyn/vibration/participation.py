@@ -102,8 +102,12 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
         free = where.span == k
         normal = where.along[k, 0] * vy[free] - where.along[k, 1] * vx[free]
         across[:, k] = mass * np.sum(abs(normal) ** 2, axis=0)
-    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    inertia = params.shaft_inertias
     turns = (inertia[:, None] * abs(linear.field(vectors, "omega")) ** 2).T
+    beyond = params.coupled_inertias[:, None]
+    rims = (beyond * abs(linear.field(vectors, "rim_speed")) ** 2).T
+    for c, k in enumerate(params.coupled):
+        turns[:, k] += rims[:, c]
     weight = np.array([mount_inertia(params, k) for k in params.mounted]).reshape(-1, 1)
     moved = (weight * abs(linear.field(vectors, "travel_speed")) ** 2).T
     belt = whole.sum(axis=0) - across.sum(axis=1)
@@ -120,13 +124,14 @@ def weighted(linear: Linear, vectors: Complex) -> Complex:
     """Speeds in modes times roots of their inertias (m, n), of which squares are energies."""
     params, info = linear.params, linear.params.info
     mass, turning = float(info["link_mass"]), float(info["link_inertia"])
-    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    inertia = params.shaft_inertias
     carried = np.array([mount_inertia(params, k) for k in params.mounted])
     weights: dict[str, Any] = {
         "vx": mass,
         "vy": mass,
         "vphi": 0.0 if params.belt_model == "string" else turning,
         "omega": inertia[:, None],
+        "rim_speed": params.coupled_inertias[:, None],
         "travel_speed": carried[:, None],
     }
     return np.concatenate(

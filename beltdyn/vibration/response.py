@@ -221,7 +221,7 @@ def _solve(
     That term of rank one is added by Sherman and Morrison's formula.
     """
     sparse, linalg = scipy_sparse()
-    inertia = np.array([pulley.inertia for pulley in linear.params.pulleys])
+    inertia = linear.params.shaft_inertias
     rows = linear.rows("omega")
     out, left = np.empty((linear.size, rates.size), complex), np.empty(rates.size)
     for f, w in enumerate(rates):

@@ -64,6 +64,6 @@ def balancing(params: Params, core: Mapping[str, Any], prescribed: tuple[int, ..
     """Give the torques (n_p,) [N m] that hold the pulleys' speeds, 0 on those prescribed."""
     n_p = len(params.pulleys)
     rate = params._model.rate(core, np.zeros(n_p))["omega"]
-    held = -rate * np.array([pulley.inertia for pulley in params.pulleys])
+    held = -rate * params.shaft_inertias
     held[list(prescribed)] = 0.0
     return np.asarray(held)

@@ -36,6 +36,7 @@ def rigid_turning(linear: Linear) -> Array:
         "phi": bend / (2.0 * float(params.info["link_length"])),
         "theta": params.route.senses / radii,
     }
+    way["rim_speed"] = way["theta"][list(params.coupled)]
     way |= {"vx": way["x"], "vy": way["y"], "vphi": way["phi"], "omega": way["theta"]}
     out = np.zeros(linear.size)
     for name, values in way.items():
@@ -92,7 +93,7 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
     """
     sparse, linalg = scipy_sparse()
     turn = rigid_turning(linear)
-    fast = np.isin(linear.names, ["vx", "vy", "vphi", "omega"])
+    fast = np.isin(linear.names, ["vx", "vy", "vphi", "omega", "rim_speed"])
     by = np.where(fast, turn, 0.0)
     on = np.where(fast, 0.0, turn * _masses(linear))
     on /= on @ turn
@@ -112,7 +113,7 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
 def _masses(linear: Linear) -> Array:
     """Inertias (size,) of places and angles of links and pulleys, 0 of all else."""
     params, info, out = linear.params, linear.params.info, np.zeros(linear.size)
-    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    inertia = params.shaft_inertias
     for name in ("x", "y"):
         out[linear.rows(name)] = float(info["link_mass"])
     out[linear.rows("phi")] = float(info["link_inertia"])

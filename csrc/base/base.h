@@ -50,6 +50,10 @@ typedef struct bd_layout {
   int nm;                 /* mounts, */
   const int *mounted;     /* their pulleys, and the offsets of their three rows */
   int travel, travel_speed, mount_friction;
+  int nc;             /* couplings, */
+  const int *coupled; /* their pulleys, and the offsets of their three rows */
+  int rim_angle, rim_speed, windup;
+  const int *rim; /* by pulley the entry of the speed of what the belt runs on */
   int n_work;
   size_t size; /* of the whole vector */
 } bd_layout;

@@ -75,7 +75,7 @@ int bd_core_read_gravity(PyObject *object, double gravity[2]);
 int bd_core_read_mount(PyObject *entry, const char *label, bd_mount *mount, PyObject *keep);
 /* What pulleys may have of their own, an entry each, or None: in bd_pulley's words. */
 typedef struct {
-  PyObject *drag, *friction, *outside, *names, *mounts;
+  PyObject *drag, *friction, *outside, *names, *mounts, *couplings;
 } bd_core_pulley_parts;
 /* The pulleys as a fresh block (PyMem_Free it), after them what they point to, friction laws and
  * names, but for arrays, which stay in the list `keep`; their number in *n. */

@@ -12,7 +12,7 @@ const char bd_core_state_doc[] =
     "state($self, /)\n--\n\n"
     "The state now, a dict of new arrays: STATE_FIELDS by name, and \"t\" [s].\n\n"
     "Shapes: LINKS (n_b,), SLOTS (n_slots * n_b,) slot by slot, PULLEYS (n_p,),\n"
-    "MOUNTS (n_m,).\n"
+    "MOUNTS (n_m,), COUPLINGS (n_c,).\n"
     "Raises RuntimeError while the simulation is running.";
 
 PyObject *bd_core_sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {

@@ -10,7 +10,7 @@
 
 /* --- states ---------------------------------------------------------------------------------- */
 
-enum { SIZE_LINKS, SIZE_SLOTS, SIZE_STATES, SIZE_PULLEYS, SIZE_MOUNTS };
+enum { SIZE_LINKS, SIZE_SLOTS, SIZE_STATES, SIZE_PULLEYS, SIZE_MOUNTS, SIZE_COUPLINGS };
 
 /* The name, length kind and pointer of every state field, in the order of BD_STATE_FIELDS. */
 static const struct {
@@ -24,11 +24,12 @@ static const struct {
 };
 
 static npy_intp length_of(int size, const bd_info *info) {
-  return size == SIZE_LINKS    ? info->n_bodies
-         : size == SIZE_SLOTS  ? (npy_intp)info->n_slots * info->n_bodies
-         : size == SIZE_STATES ? (npy_intp)info->n_slots * info->n_states * info->n_bodies
-         : size == SIZE_MOUNTS ? info->n_mounts
-                               : info->n_pulleys;
+  return size == SIZE_LINKS       ? info->n_bodies
+         : size == SIZE_SLOTS     ? (npy_intp)info->n_slots * info->n_bodies
+         : size == SIZE_STATES    ? (npy_intp)info->n_slots * info->n_states * info->n_bodies
+         : size == SIZE_MOUNTS    ? info->n_mounts
+         : size == SIZE_COUPLINGS ? info->n_couplings
+                                  : info->n_pulleys;
 }
 
 /* Hands an array (NULL: failed already) to the record, which then owns it. */
@@ -140,16 +141,16 @@ static int read_choice(const char *field, const char *name, const char *const *n
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *arguments[] = {"belt",     "centers", "radii",  "inertias",        "contact",
-                       "friction", "gravity", "drag",   "pulley_friction", "mesh",
-                       "outside",  "names",   "mounts", "model",           NULL};
+  char *arguments[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
+                       "gravity", "drag",    "pulley_friction", "mesh",     "outside", "names",
+                       "mounts",  "model",   "couplings",       NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
-  bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None, Py_None};
+  bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None, Py_None, Py_None};
   const char *mesh = "paper", *belt_model = "links";
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOOOs:Model", arguments, &belt,
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOOOsO:Model", arguments, &belt,
                                    &centers, &radii, &inertias, &contact, &default_friction,
                                    &gravity, &parts.drag, &parts.friction, &mesh, &parts.outside,
-                                   &parts.names, &parts.mounts, &belt_model)) {
+                                   &parts.names, &parts.mounts, &belt_model, &parts.couplings)) {
     return NULL;
   }
   bd_scene scene = {0};
@@ -442,7 +443,7 @@ PyDoc_STRVAR(
     model_doc,
     "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
     "      pulley_friction=None, mesh='paper', outside=None, names=None, mounts=None,\n"
-    "      model='links')\n--\n\n"
+    "      model='links', couplings=None)\n--\n\n"
     "A checked, constant scene; may be shared by simulations in any thread.\n\n"
     "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
     "of\n"
@@ -450,6 +451,8 @@ PyDoc_STRVAR(
     "mesh: \"joint\" or \"paper\", MODEL section 3. outside: of each pulley, whether it is on the\n"
     "back of the belt; None: all inside the loop. mounts: (\"arm\", pivot, tuple as in\n"
     "PARAMETERS), (\"slider\", direction, tuple), (\"path\", t, displacement) or None, for each.\n"
+    "couplings: (\"isolator\", \"clutch\" or \"damper\", tuple as in PARAMETERS) or None, for "
+    "each.\n"
     "names: a name or None for each, for messages. model: \"links\", \"string\" or \"auto\",\n"
     "MODEL section 2.\n"
     "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"

@@ -100,14 +100,23 @@ static int is_named(PyObject *names, const char *name) {
   return found;
 }
 
-enum { WIDTH_PULLEYS, WIDTH_PLANE, WIDTH_LINKS, WIDTH_FRICTION, WIDTH_MOUNTS, WIDTH_ENERGY };
+enum {
+  WIDTH_PULLEYS,
+  WIDTH_PLANE,
+  WIDTH_LINKS,
+  WIDTH_FRICTION,
+  WIDTH_MOUNTS,
+  WIDTH_COUPLINGS,
+  WIDTH_ENERGY
+};
 
 int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
                        int n_energy, npy_intp rows, PyObject *names) {
   const npy_intp width[] = {
       [WIDTH_PULLEYS] = info->n_pulleys, [WIDTH_PLANE] = info->n_pulleys,
       [WIDTH_LINKS] = info->n_bodies,    [WIDTH_FRICTION] = info->n_slots > 0 ? info->n_bodies : 0,
-      [WIDTH_MOUNTS] = info->n_mounts,   [WIDTH_ENERGY] = n_energy,
+      [WIDTH_MOUNTS] = info->n_mounts,   [WIDTH_COUPLINGS] = info->n_couplings,
+      [WIDTH_ENERGY] = n_energy,
   };
   const struct {
     const char *name;

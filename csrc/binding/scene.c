@@ -130,6 +130,7 @@ typedef struct {
   bd_friction friction;
   char name[BD_MAX_NAME + 2];
   bd_mount mount;
+  bd_coupling coupling;
   PyObject *keep; /* borrowed */
 } owned;
 
@@ -174,6 +175,32 @@ static int read_name(PyObject *entry, const char *label, bd_pulley *pulley, owne
 static int read_mount(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
   pulley->mount = &own->mount;
   return bd_core_read_mount(entry, label, &own->mount, own->keep);
+}
+
+/* A tuple of the name of its group and its numbers. */
+static int read_coupling(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
+  static const char *const kinds[] = {[BD_COUPLING_ISOLATOR] = "isolator",
+                                      [BD_COUPLING_CLUTCH] = "clutch",
+                                      [BD_COUPLING_DAMPER] = "damper"};
+  const char *kind = NULL;
+  PyObject *numbers;
+  pulley->coupling = &own->coupling;
+  if (!PyTuple_Check(entry) || !PyArg_ParseTuple(entry, "sO", &kind, &numbers)) {
+    PyErr_Format(PyExc_TypeError,
+                 "%s must be a tuple (\"isolator\", \"clutch\" or \"damper\", numbers), got %R",
+                 label, entry);
+    return -1;
+  }
+  for (int k = 0; k < (int)(sizeof kinds / sizeof kinds[0]); ++k) {
+    if (strcmp(kind, kinds[k]) == 0) {
+      own->coupling.kind = k;
+      return bd_core_read_group(numbers, kind, label, &own->coupling.isolator);
+    }
+  }
+  PyErr_Format(PyExc_ValueError,
+               "%s must be an \"isolator\", a \"clutch\" or a \"damper\", got \"%.50s\"", label,
+               kind);
+  return -1;
 }
 
 /* One entry, or None, for each pulley; None: no pulley has any. */
@@ -251,7 +278,8 @@ bd_pulley *bd_core_read_pulleys(PyObject *centers, PyObject *radii, PyObject *in
       read_entries(parts->friction, "friction", read_own_friction, count, pulleys, own) < 0 ||
       read_entries(parts->outside, "outside", read_outside, count, pulleys, own) < 0 ||
       read_entries(parts->names, "name", read_name, count, pulleys, own) < 0 ||
-      read_entries(parts->mounts, "mount", read_mount, count, pulleys, own) < 0) {
+      read_entries(parts->mounts, "mount", read_mount, count, pulleys, own) < 0 ||
+      read_entries(parts->couplings, "coupling", read_coupling, count, pulleys, own) < 0) {
     PyMem_Free(pulleys);
     pulleys = NULL;
   }
@@ -274,7 +302,7 @@ PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObjec
   }
   int n = 0, turns = 0;
   double length = 0.0;
-  const bd_core_pulley_parts parts = {Py_None, Py_None, outside, names, Py_None};
+  const bd_core_pulley_parts parts = {Py_None, Py_None, outside, names, Py_None, Py_None};
   bd_pulley *pulleys = bd_core_read_pulleys(centers, radii, radii, &parts, NULL, &n);
   if (!pulleys) {
     return NULL;

@@ -86,6 +86,7 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
     code =
         code == BD_OK && pulley->friction ? bd_friction_check(pulley->friction, label, err) : code;
     code = code == BD_OK && pulley->mount ? bd_mount_check(scene, j, err) : code;
+    code = code == BD_OK && pulley->coupling ? bd_coupling_check(scene, j, err) : code;
     if (code != BD_OK) {
       return code;
     }
@@ -203,8 +204,8 @@ static int colour_pulleys(const bd_model *model) {
   return slots;
 }
 
-static void lay_out(bd_layout *lay, const int *mounted, int n, int np, int slots, int states,
-                    int drag) {
+static void lay_out(bd_model *model, int n, int np, int slots, int states, int drag) {
+  bd_layout *lay = &model->lay;
   lay->n = n;
   lay->n8 = (n + BD_LANES - 1) / BD_LANES * BD_LANES;
   lay->np = np;
@@ -215,12 +216,19 @@ static void lay_out(bd_layout *lay, const int *mounted, int n, int np, int slots
   lay->stride = BD_LANES * ((BD_HALO + n + 1 + BD_LANES - 1) / BD_LANES | 1);
   lay->theta = bd_block(lay, F_MU + slots * (states + 1)) * lay->stride;
   lay->omega = lay->theta + np;
-  lay->mounted = mounted;
+  lay->mounted = model->mounted;
   lay->travel = lay->omega + np;
   lay->travel_speed = lay->travel + lay->nm;
   lay->mount_friction = lay->travel_speed + lay->nm;
-  lay->work = lay->mount_friction + lay->nm;
-  lay->n_work = lay->nm > 0 ? MAX_WORK : drag ? W_drag_loss + 1 : W_drag_loss;
+  lay->rim_angle = lay->mount_friction + lay->nm;
+  lay->rim_speed = lay->rim_angle + lay->nc;
+  lay->windup = lay->rim_speed + lay->nc;
+  lay->work = lay->windup + lay->nc;
+  lay->n_work = lay->nc > 0   ? MAX_WORK
+                : lay->nm > 0 ? W_path_work + 1
+                : drag        ? W_drag_loss + 1
+                              : W_drag_loss;
+  bd_model_place_rims(model);
   lay->size = (size_t)(lay->work + lay->n_work + BD_LANES - 1) / BD_LANES * BD_LANES;
 }
 
@@ -231,6 +239,8 @@ static void carve(bd_carver *carver, bd_model *model, const bd_scene *scene, int
   BD_CARVE(carver, model->radius, np);
   BD_CARVE(carver, model->contact_radius, np);
   BD_CARVE(carver, model->inertia, np);
+  BD_CARVE(carver, model->rim_inertia, np);
+  BD_CARVE(carver, model->rim, np);
   if (drag) {
     BD_CARVE(carver, model->drag, np);
   }
@@ -241,6 +251,7 @@ static void carve(bd_carver *carver, bd_model *model, const bd_scene *scene, int
   BD_CARVE(carver, model->name, np);
   BD_CARVE(carver, model->wraps, np);
   bd_model_carve_mounts(carver, model, scene);
+  bd_model_carve_couplings(carver, model, scene);
 }
 
 static void derive(bd_model *model) {
@@ -509,7 +520,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     model->cx[j] = scene->pulleys[j].center[0] - model->origin[0];
     model->cy[j] = scene->pulleys[j].center[1] - model->origin[1];
     model->radius[j] = scene->pulleys[j].radius;
-    model->inertia[j] = scene->pulleys[j].inertia;
+    model->inertia[j] = model->rim_inertia[j] = scene->pulleys[j].inertia;
     model->side[j] = scene->pulleys[j].outside ? -1 : 1;
     if (drag) {
       model->drag[j] = scene->pulleys[j].drag;
@@ -536,6 +547,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     bd_model_free(model);
     return BD_ERR_PARAMETER;
   }
+  bd_model_fill_couplings(model, scene);
   bd_model_fill_mounts(model, scene);
   if (bd_mounts_rest(model) == BD_OK) {
     check_line(model);
@@ -545,11 +557,12 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   }
   model->colours = colour_pulleys(model);
   check_room(model);
-  lay_out(&model->lay, model->mounted, scene->belt.n_bodies, np,
-          model->has_friction ? model->colours : 0, bd_friction_most_states(model), drag);
+  lay_out(model, scene->belt.n_bodies, np, model->has_friction ? model->colours : 0,
+          bd_friction_most_states(model), drag);
   model->info.n_slots = model->lay.slots;
   model->info.n_states = model->lay.states;
   model->info.n_mounts = model->lay.nm;
+  model->info.n_couplings = model->lay.nc;
   model->info.drag_speed = DRAG_SPEED * bd_speed_scale(model);
   model->kernels = model->lay.string ? kernels->string : kernels;
   model->friction_scales_differ = bd_friction_scales_differ(model);

@@ -49,6 +49,15 @@ typedef struct bd_place {
   double c[2], a[2], bend[2];
 } bd_place;
 
+/* A coupling with all its numbers. Its rim is the part on which no torque acts: of a damper the
+ * ring. */
+typedef struct bd_coupled {
+  int pulley, kind; /* BD_COUPLING_... */
+  double sense;     /* in which a clutch drives the shaft, else 1 */
+  double inertia;   /* of the rim */
+  double stiffness, damping;
+} bd_coupled;
+
 struct bd_model {
   bd_info info;
   bd_belt belt;
@@ -60,10 +69,12 @@ struct bd_model {
                                  pulley */
   double gravity[2], origin[2];
   bd_layout lay;
-  double *cx, *cy, *radius, *inertia; /* centres relative to the origin */
-  double *contact_radius; /* on which the links' ends (centres) of an unloaded belt run */
-  bd_drag *drag;          /* by pulley; NULL: none has any */
-  bd_friction *friction;  /* by pulley */
+  double *cx, *cy, *radius; /* centres relative to the origin */
+  double *inertia;          /* of the shafts: what torques act on */
+  double *rim_inertia;      /* of what the belt runs on: the same, unless there is a coupling */
+  double *contact_radius;   /* on which the links' ends (centres) of an unloaded belt run */
+  bd_drag *drag;            /* by pulley; NULL: none has any */
+  bd_friction *friction;    /* by pulley */
   int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link */
   int colours;
   int *side;    /* +1: inside the loop, -1: outside */
@@ -71,11 +82,13 @@ struct bd_model {
   bd_name *name;
   bd_wrap *wraps;
   double longest_span;
-  bd_error geometry;  /* what bd_model_check_geometry returns */
-  double far_away;    /* where the padding stands: on no pulley */
-  bd_mounted *mounts; /* lay.nm; NULL: none */
-  int *mounted;       /* their pulleys */
-  int *mount_of;      /* by pulley its mount, -1: none; NULL: there are no mounts */
+  bd_error geometry;     /* what bd_model_check_geometry returns */
+  double far_away;       /* where the padding stands: on no pulley */
+  bd_mounted *mounts;    /* lay.nm; NULL: none */
+  int *mounted;          /* their pulleys */
+  int *mount_of;         /* by pulley its mount, -1: none; NULL: there are no mounts */
+  bd_coupled *couplings; /* lay.nc; NULL: none */
+  int *coupled, *rim;    /* of the layout */
   const bd_kernels *kernels;
 };
 
@@ -152,6 +165,28 @@ static inline const bd_mounted *bd_arm_of(const bd_model *model, int j) {
   return m >= 0 && model->mounts[m].kind == BD_MOUNT_ARM ? &model->mounts[m] : NULL;
 }
 
+/* --- coupling.c ------------------------------------------------------------------------------- */
+
+int bd_coupling_check(const bd_scene *scene, int pulley, bd_error *err);
+void bd_model_carve_couplings(bd_carver *carver, bd_model *model, const bd_scene *scene);
+void bd_model_fill_couplings(bd_model *model, const bd_scene *scene);
+/* Where the vector has the speed of what the belt runs on, in the layout. */
+void bd_model_place_rims(bd_model *model);
+/* A coupling at a state: the speed of its rim before the shaft, the rate of its windup, and the
+ * torque, on the shaft, all in its sense; whether it transmits any. */
+typedef struct bd_coupling_state {
+  double ahead, winds, torque;
+  int engaged;
+} bd_coupling_state;
+
+bd_coupling_state bd_coupling_at(const bd_model *model, const double *y, int c);
+/* Whether the belt runs on the shaft of pulley j itself; torque of its coupling on that shaft,
+ * counter-clockwise. */
+static inline int bd_runs_on_shaft(const bd_layout *lay, int j) {
+  return lay->rim[j] == lay->omega + j;
+}
+double bd_coupling_torque(const bd_model *model, const double *y, int j);
+
 /* --- mount_rest.c ----------------------------------------------------------------------------- */
 
 /* Brings the pulleys on arms and sliders to where these are in equilibrium with the tension of the
@@ -213,7 +248,14 @@ void bd_belt_line_pull(const bd_wrap *wrap, double pull[2]);
 
 /* --- state.c --------------------------------------------------------------------------------- */
 
-enum { BD_SIZE_LINKS, BD_SIZE_SLOTS, BD_SIZE_STATES, BD_SIZE_PULLEYS, BD_SIZE_MOUNTS };
+enum {
+  BD_SIZE_LINKS,
+  BD_SIZE_SLOTS,
+  BD_SIZE_STATES,
+  BD_SIZE_PULLEYS,
+  BD_SIZE_MOUNTS,
+  BD_SIZE_COUPLINGS
+};
 enum {
   BD_SCALE_NONE,
   BD_SCALE_STRETCH,
@@ -221,7 +263,8 @@ enum {
   BD_SCALE_SPEED,
   BD_SCALE_SPIN,
   BD_SCALE_FRICTION,
-  BD_SCALE_GRIP
+  BD_SCALE_GRIP,
+  BD_SCALE_WINDUP
 };
 
 /* A row of BD_STATE_FIELDS. */

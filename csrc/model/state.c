@@ -37,12 +37,17 @@ int bd_field_length(const bd_layout *lay, int row) {
     return lay->np;
   case BD_SIZE_MOUNTS:
     return lay->nm;
+  case BD_SIZE_COUPLINGS:
+    return lay->nc;
   default:
     return lay->n;
   }
 }
 
 size_t bd_field_offset(const bd_layout *lay, int row, int k) {
+  if (row >= F_RIM_ANGLE) {
+    return (size_t)(lay->rim_angle + (row - F_RIM_ANGLE) * lay->nc);
+  }
   if (row >= F_TRAVEL) {
     return (size_t)(lay->travel + (row - F_TRAVEL) * lay->nm);
   }
@@ -58,6 +63,10 @@ int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
   *body = *pulley = -1;
   if (at >= lay->work) {
     return -1;
+  }
+  if (at >= lay->rim_angle) {
+    *pulley = lay->coupled[(at - lay->rim_angle) % lay->nc];
+    return F_RIM_ANGLE + (at - lay->rim_angle) / lay->nc;
   }
   if (at >= lay->travel) {
     *pulley = lay->mounted[(at - lay->travel) % lay->nm];
@@ -95,7 +104,9 @@ static int check_finite(const bd_layout *lay, const bd_state *state, bd_error *e
     const int length = bd_field_length(lay, row), of_links = row < F_THETA;
     for (int i = 0; i < length * bd_field_pieces(lay, row); ++i) {
       if (!isfinite(v[i])) {
-        const int pulley = row >= F_TRAVEL ? lay->mounted[i] : i;
+        const int pulley = row >= F_RIM_ANGLE ? lay->coupled[i]
+                           : row >= F_TRAVEL  ? lay->mounted[i]
+                                              : i;
         return bd_fail_at(err, BD_ERR_STATE, bd_state_fields[row].name, (double)NAN,
                           of_links ? i % length : -1, of_links ? -1 : pulley, v[i],
                           "state %s[%d] must be finite, got %g", bd_state_fields[row].name, i,
@@ -329,7 +340,9 @@ double bd_state_scale(const bd_model *model, int row, int k) {
   const double strain = model->geometry.code == BD_OK ? model->info.strain : 0.01;
   const double stretch = strain * model->info.link_length, speed = bd_speed_scale(model);
   const bd_mounted *mount = field->size == BD_SIZE_MOUNTS ? &model->mounts[k] : NULL;
+  const bd_coupled *coupled = field->size == BD_SIZE_COUPLINGS ? &model->couplings[k] : NULL;
   const double arm = mount                            ? mount->lever
+                     : coupled                        ? model->radius[coupled->pulley]
                      : field->size == BD_SIZE_PULLEYS ? model->radius[k]
                                                       : 0.5 * model->info.link_length;
   const int states = model->lay.states;
@@ -355,6 +368,8 @@ double bd_state_scale(const bd_model *model, int row, int k) {
     return least;
   case BD_SCALE_GRIP:
     return model->belt.axial_stiffness * strain * arm / mount->friction;
+  case BD_SCALE_WINDUP: /* of a stiff coupling what its torque is worth */
+    return fmin(stretch / arm, model->belt.axial_stiffness * strain * arm / coupled->stiffness);
   default:
     return INFINITY;
   }

@@ -90,7 +90,7 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
   const bd_layout *lay = &plan->model->lay;
   double contact_loss = 0.0, friction_loss = 0.0;
   for (int j = 0; j < lay->np; ++j) {
-    plan->contact_pulleys[j].omega = y[lay->omega + j];
+    plan->contact_pulleys[j].omega = y[lay->rim[j]];
   }
   if (plan->model->along_links && !lay->string) {
     bd_link_contact_rate(plan, y, dy);
@@ -142,7 +142,7 @@ static void tangent_contact(const bd_plan *plan, const double *y, bd_derivatives
   const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
     out->contact_pulleys[j] = plan->contact_pulleys[j];
-    out->contact_pulleys[j].omega = y[lay->omega + j];
+    out->contact_pulleys[j].omega = y[lay->rim[j]];
     out->n_runs[j] = plan->search.n_runs[j];
     memcpy(out->runs + j * out->max_runs, plan->search.runs + j * plan->search.max_runs,
            (size_t)out->n_runs[j] * sizeof *out->runs);
@@ -168,7 +168,8 @@ static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error
   double drive = 0.0;
   for (int j = 0; j < lay->np; ++j) {
     dy[lay->theta + j] = omega[j];
-    dy[lay->omega + j] = (plan->torque[j] + plan->friction[j]) / plan->model->inertia[j];
+    const double belt = bd_runs_on_shaft(lay, j) ? plan->friction[j] : 0.0;
+    dy[lay->omega + j] = (plan->torque[j] + belt) / plan->model->inertia[j];
     drive += plan->torque[j] * omega[j];
   }
   dy[lay->work + W_drive] = drive;
@@ -230,8 +231,8 @@ double bd_plan_circulation(const bd_plan *plan, const double *y) {
   }
   for (int j = 0; plan->friction_on && !plan->pulleys_locked && j < lay->np; ++j) {
     double r = plan->model->radius[j];
-    double rim = plan->model->inertia[j] / (r * r * plan->model->info.link_mass);
-    sum += rim * y[lay->omega + j] * r * plan->model->wraps[j].sense;
+    double rim = plan->model->rim_inertia[j] / (r * r * plan->model->info.link_mass);
+    sum += rim * y[lay->rim[j]] * r * plan->model->wraps[j].sense;
     mass += rim;
   }
   return sum / mass;
@@ -269,7 +270,12 @@ static int pass_mass_damping(bd_plan *plan, double t, double *y, double *dy, bd_
   }
   for (int j = 0; !plan->pulleys_locked && j < lay->np; ++j) {
     double round = plan->friction_on ? plan->model->wraps[j].sense / plan->model->radius[j] : 0.0;
-    dy[lay->omega + j] -= mass_damping * y[lay->omega + j] - circulation_correction * round;
+    dy[lay->rim[j]] -= mass_damping * y[lay->rim[j]] - circulation_correction * round;
+  }
+  for (int c = 0; !plan->pulleys_locked && c < lay->nc; ++c) {
+    const int free =
+        bd_runs_on_shaft(lay, lay->coupled[c]) ? lay->rim_speed + c : lay->omega + lay->coupled[c];
+    dy[free] -= mass_damping * y[free];
   }
   return BD_OK;
 }
@@ -364,6 +370,21 @@ static const bd_effect table[] = {
         .tangent = tangent_none,
         .n_works = 1,
         .works = {W_drive},
+    },
+    {
+        .name = "couplings of shafts and rims",
+        .asked_by = "isolator clutch damper",
+        .label = bd_couplings_label,
+        .enabled = bd_couplings_enabled,
+        .rate = bd_couplings_rate,
+        .tangent = bd_couplings_tangent,
+        .carve_tangent = bd_couplings_carve_tangent,
+        .after_step = bd_couplings_after_step,
+        .outputs = bd_couplings_outputs,
+        .energy = bd_couplings_energy,
+        .n_works = 1,
+        .works = {W_coupling_loss},
+        .store = BD_ENERGY_coupling,
     },
     {
         .name = "bearing drag",

@@ -97,7 +97,7 @@ static int touching(const bd_plan *plan, const double *y, int i, int j, touch *o
   out->rho = hypot(dx, dy);
   double nx = dx / out->rho, ny = dy / out->rho;
   double ux = at.vx - d->vx, uy = at.vy - d->vy;
-  out->velocity = uy * nx - ux * ny - y[lay->omega + j] * out->rho;
+  out->velocity = uy * nx - ux * ny - y[lay->rim[j]] * out->rho;
   const int friction = d->law != BD_LAW_NONE;
   const double *states = bd_cfield(lay, y, bd_f_state(lay, d->slot)) + i;
   double z = d->states > 0 ? states[0] : 0.0;
@@ -301,7 +301,7 @@ bd_contact_rounding bd_contact_rounding_of(const bd_plan *plan, const double *y,
     const double off =
         ROUNDING * (fabs(c.at.x) + fabs(c.at.y) + fabs(d->x) + fabs(d->y) + 2.0 * plan->links.half);
     const double speed = fabs(c.at.vx) + fabs(c.at.vy) + fabs(d->vx) + fabs(d->vy) +
-                         fabs(y[lay->omega + j]) * c.rho +
+                         fabs(y[lay->rim[j]]) * c.rho +
                          (w ? 2.0 * plan->links.half * fabs(w[i]) : 0.0);
     const double dv = speed * (ROUNDING + off / c.rho);
     const double p = fmax(0.0, d->radius - c.rho), elastic = (d->quadratic * p + d->linear) * p;

@@ -156,6 +156,12 @@ typedef struct bd_mount_tangent {
   double stiffness, damping, friction, gain, decay;
 } bd_mount_tangent;
 
+/* A coupling as linearised: of its torque by windup and speed, and of the rate of its windup by the
+ * speed of the rim, 0 or its sense, and, of opposite sign, by itself. */
+typedef struct bd_coupling_tangent {
+  double stiffness, damping, winds, decay;
+} bd_coupling_tangent;
+
 /* The effects' derivatives at a state, as the implicit methods keep them. */
 typedef struct bd_derivatives {
   bd_tangent joints;
@@ -167,6 +173,7 @@ typedef struct bd_derivatives {
   double
       *pulley_damping; /* of torques on a pulley by its own speed, by pulley [N m s]; NULL: none */
   bd_mount_tangent *mounts;
+  bd_coupling_tangent *couplings;
 } bd_derivatives;
 
 /* A row of the table in effects.c: another effect is another row, and the functions it names. */
@@ -270,6 +277,38 @@ void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out
 void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 int bd_paths_enabled(const bd_model *model, const bd_plan_options *options);
 int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+
+/* --- coupling.c ------------------------------------------------------------------------------- */
+
+int bd_couplings_enabled(const bd_model *model, const bd_plan_options *options);
+const char *bd_couplings_label(const bd_plan *plan);
+int bd_couplings_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+void bd_couplings_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
+void bd_couplings_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
+int bd_couplings_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                            bd_error *err);
+void bd_couplings_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+void bd_couplings_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+/* What a linear system with g leaves out of the speeds at clutch c, which has engaged or come free
+ * between y and y_new [rad/s]. */
+double bd_clutch_off_line(const bd_plan *plan, const double *y, const double *y_new, int c,
+                          double g);
+/* Bodies of the linear systems: shafts, mounts, rims with a coupling; that on which the belt runs
+ * at pulley j. */
+static inline int bd_rim_body(const bd_layout *lay, int c) {
+  return lay->np + lay->nm + c;
+}
+static inline int bd_belt_body(const bd_layout *lay, int j) {
+  return bd_runs_on_shaft(lay, j) ? j : bd_rim_body(lay, lay->rim[j] - lay->rim_speed);
+}
+/* What couplings add to their small matrix with g; to its right-hand side, of c laid out as a
+ * state; and their unknowns into c, from the speeds of all bodies. */
+double bd_coupling_entry(const bd_derivatives *at, const bd_model *model, int row, int column,
+                         double g);
+void bd_coupling_product(const bd_derivatives *at, const bd_model *model, double g, const double *c,
+                         double *rhs);
+void bd_coupling_finish(const bd_derivatives *at, const bd_model *model, double g,
+                        const double *rhs, double *c);
 
 /* --- centrifugal.c --------------------------------------------------------------------------- */
 

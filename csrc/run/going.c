@@ -62,4 +62,7 @@ void bd_set_going(const bd_plan *plan, double *y, double speed) {
     y[model->lay.omega + j] = model->wraps[j].sense * speed * slower_inside(a) /
                               bd_running_radius(model, j, tension, speed);
   }
+  for (int c = 0; c < model->lay.nc; ++c) {
+    y[model->lay.rim_speed + c] = y[model->lay.omega + model->lay.coupled[c]];
+  }
 }

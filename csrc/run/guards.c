@@ -163,7 +163,9 @@ static double survey(bd_sim *sim, double *gap, int *link) {
   }
   double terms[BD_N_ENERGY] = {0.0};
   bd_mounts_energy(plan, sim->stepper.y, terms);
-  energy += terms[BD_ENERGY_kinetic] + terms[BD_ENERGY_mount] + terms[BD_ENERGY_gravity];
+  bd_couplings_energy(plan, sim->stepper.y, terms);
+  energy += terms[BD_ENERGY_kinetic] + terms[BD_ENERGY_mount] + terms[BD_ENERGY_gravity] +
+            terms[BD_ENERGY_coupling];
   *gap = sqrt(widest) / model->info.link_length;
   return energy;
 }

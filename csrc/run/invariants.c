@@ -244,7 +244,8 @@ static int check_losses(bd_sim *sim, const double *dy) {
   } dampers[] = {{W_joint_loss, 1, "joint_loss", "dampers of the joints have given"},
                  {W_contact_loss, 1, "contact_loss", "dampers of the contact have given"},
                  {W_drag_loss, 1, "drag_loss", "drag has given"},
-                 {W_mount_loss, 0, "mount_loss", "dampers of mounts have given"}};
+                 {W_mount_loss, 0, "mount_loss", "dampers of mounts have given"},
+                 {W_coupling_loss, 1, "coupling_loss", "dampers of couplings have given"}};
   double elastic = 0.0;
   for (int j = 0; j < lay->np; ++j) {
     elastic += bd_contact_rounding_of(plan, sim->stepper.y, j).magnitude;

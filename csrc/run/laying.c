@@ -94,7 +94,10 @@ int bd_lay_belt(const bd_plan *plan, double shift, double *y, double *turns, bd_
                             .omega = zero,
                             .travel = travel,
                             .travel_speed = zero,
-                            .mount_friction = zero};
+                            .mount_friction = zero,
+                            .rim_angle = zero,
+                            .rim_speed = zero,
+                            .windup = zero};
     code = bd_state_import(model, &state, y, turns, err);
   } else if (err && plan->offset) {
     memmove(err->field, "offset", sizeof "offset");

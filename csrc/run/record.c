@@ -206,6 +206,15 @@ static uint64_t scene_of(const bd_sim *sim) {
     sum = hash_numbers(sum, mount->t, mount->n_t);
     sum = hash_numbers(sum, mount->points, 2 * mount->n_t);
   }
+  for (int c = 0; c < model->lay.nc; ++c) {
+    const bd_coupled *coupled = &model->couplings[c];
+    ADD(coupled->pulley);
+    ADD(coupled->kind);
+    ADD(coupled->sense);
+    ADD(coupled->inertia);
+    ADD(coupled->stiffness);
+    ADD(coupled->damping);
+  }
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
     const int load = bd_is_load(term);

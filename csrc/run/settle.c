@@ -262,6 +262,11 @@ static double stop(const bd_sim *sim, double *y) {
     fastest = fmax(fastest, sim->stepper.model->radius[j] * fabs(y[lay->omega + j]));
     y[lay->omega + j] = 0.0;
   }
+  for (int c = 0; c < lay->nc; ++c) {
+    fastest =
+        fmax(fastest, sim->stepper.model->radius[lay->coupled[c]] * fabs(y[lay->rim_speed + c]));
+    y[lay->rim_speed + c] = 0.0;
+  }
   for (int m = 0; m < lay->nm; ++m) {
     const double v = y[lay->travel_speed + m] * sim->stepper.model->mounts[m].lever;
     fastest = fmax(fastest, fabs(v));
@@ -335,6 +340,10 @@ static int check_rest(bd_settling *settling) {
   }
   for (int j = 0; j < lay->np; ++j) {
     worst = fmax(worst, model->inertia[j] * fabs(dy[lay->omega + j]) / model->radius[j]);
+  }
+  for (int c = 0; c < lay->nc; ++c) {
+    const double torque = model->couplings[c].inertia * dy[lay->rim_speed + c];
+    worst = fmax(worst, fabs(torque) / model->radius[lay->coupled[c]]);
   }
   for (int m = 0; m < lay->nm; ++m) {
     const double force = sim->stepper.plan.mount_inertia[m] * dy[lay->travel_speed + m];

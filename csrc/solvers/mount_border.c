@@ -44,7 +44,8 @@ static void sum_xy(const bd_newton_system *system, const bd_plan *plan, int m, c
 
 void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m,
                          const bd_axis *axis) {
-  const bd_body *pulley = &system->bodies[plan->model->lay.mounted[m]], *own = axis->body;
+  const bd_layout *lay = &plan->model->lay;
+  const bd_body *pulley = &system->bodies[bd_belt_body(lay, lay->mounted[m])], *own = axis->body;
   const bd_mount_tangent *at = &system->at.mounts[m];
   bd_mount_border *border = &system->mounts[m];
   double column[2], given[2], spun[2], w[2], q[2];
@@ -71,21 +72,23 @@ static double drag_of(const bd_newton_system *system, const bd_plan *plan, int m
 double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
                       double g) {
   const bd_layout *lay = &plan->model->lay;
-  const int m = (row < lay->np ? column : row) - lay->np;
+  const int of_row = row >= lay->np && row < lay->np + lay->nm;
+  const int m = (of_row ? row : column) - lay->np, j = lay->mounted[m];
+  const int other = of_row ? column : row;
   const bd_mount_border *border = &system->mounts[m];
   const bd_mount_tangent *at = &system->at.mounts[m];
   const double drag = g * drag_of(system, plan, m);
-  if (row < lay->np) {
-    return row == lay->mounted[m] ? border->torque - drag : 0.0;
+  /* the belt acts on the rim, drag on the shaft */
+  const double belt =
+      other == bd_belt_body(lay, j) ? of_row ? border->by_spin : border->torque : 0.0;
+  if (!of_row) {
+    return belt - (other == j ? drag : 0.0);
   }
   if (is_path(plan, m)) {
     return row == column;
   }
-  if (column < lay->np) {
-    return column == lay->mounted[m] ? border->by_spin - drag : 0.0;
-  }
   if (row != column) {
-    return 0.0;
+    return belt - (other == j ? drag : 0.0);
   }
   const double grip = g * g * at->friction * at->gain / (1.0 + g * at->decay);
   return plan->mount_inertia[m] * (1.0 + g * system->at.mass_damping) +
@@ -109,7 +112,7 @@ void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, cons
   if (!is_path(plan, m)) {
     const double grip = at->friction * c[lay->mount_friction + m] / (1.0 + g * at->decay);
     *rhs *= plan->mount_inertia[m];
-    *rhs += bd_newton_row(system, plan, body, system->bodies[body].q,
+    *rhs += bd_newton_row(system, plan, j, system->bodies[body].q,
                           (const double *[]){cq, cq + lay->stride, cq + 2 * lay->stride});
     *rhs -= along(at, states) + border->given * travel + g * g * (at->stiffness * travel + grip);
   }

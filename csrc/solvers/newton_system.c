@@ -104,12 +104,16 @@ static void carve_all(bd_carver *carver, const bd_layout *lay, double **const *a
   }
 }
 
+static int is_mount(const bd_layout *lay, int body) {
+  return body >= lay->np && body < lay->np + lay->nm;
+}
+
 /* Assembled blocks, and what contact along the links needs, of all pulleys and of each. */
 static void carve_blocks(bd_carver *carver, const bd_model *model, bd_newton_system *system) {
   const bd_layout *lay = &model->lay;
   bd_contact_scratch *s = &system->scratch;
   bd_end_forces unused;
-  const int d = lay->string ? 2 : 3, bodies = lay->np + lay->nm;
+  const int d = lay->string ? 2 : 3, bodies = lay->np + lay->nm + lay->nc;
   BD_CARVE(carver, system->blocks.w, 3 * d * d * lay->n8);
   BD_CARVE(carver, system->blocks.q, 3 * d * d * lay->n8);
   double **const single[] = {&s->points.x,  &s->points.y,      &s->points.vx,
@@ -144,7 +148,7 @@ static void carve_blocks(bd_carver *carver, const bd_model *model, bd_newton_sys
     bd_body none, *b = carver->base ? &system->bodies[body] : &none;
     bd_carve_rows(carver, lay, 3, &b->w);
     bd_carve_rows(carver, lay, 3, &b->q);
-    bd_carve_rows(carver, lay, body < lay->np ? 0 : 3, &b->given);
+    bd_carve_rows(carver, lay, is_mount(lay, body) ? 3 : 0, &b->given);
   }
   BD_CARVE(carver, system->mounts, lay->nm);
 }
@@ -179,7 +183,7 @@ static double *border_of(const bd_newton_system *system, const bd_layout *lay, i
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
-  const int np = lay->np, bodies = np + lay->nm;
+  const int np = lay->np, bodies = np + lay->nm + lay->nc;
   bd_blocks *b = &system->ring_blocks;
   bd_effects_carve_tangents(carver, &system->at, model);
   double **by_link[] = {&system->x, &system->y, &system->p, &b->xx, &b->xy, &b->yx, &b->yy, &b->pp};
@@ -257,19 +261,36 @@ static int first_body(const bd_plan *plan) {
   return plan->pulleys_locked ? plan->model->lay.np : 0;
 }
 
+static int count_bodies(const bd_plan *plan) {
+  const bd_layout *lay = &plan->model->lay;
+  return plan->pulleys_locked ? lay->nm : lay->np + lay->nm + lay->nc;
+}
+
 static int is_prescribed(const bd_plan *plan, int body) {
   const int np = plan->model->lay.np;
   return body < np ? bd_is_moved(&plan->torques, body)
-                   : plan->model->mounts[body - np].kind == BD_MOUNT_PATH;
+                   : is_mount(&plan->model->lay, body) &&
+                         plan->model->mounts[body - np].kind == BD_MOUNT_PATH;
 }
 
-/* A shaft's inertia, and what its own acceleration does to the forces on it. */
-static double shaft_inertia(const bd_newton_system *system, const bd_plan *plan, int shaft,
-                            double g) {
+/* The pulley at which the belt runs on this body, which is no mount; -1: it does not. */
+static int pulley_of(const bd_layout *lay, int body) {
+  const int j = body < lay->np ? body : lay->coupled[body - lay->np - lay->nm];
+  return bd_belt_body(lay, j) == body ? j : -1;
+}
+
+/* The inertia of a shaft or a rim, and what its own acceleration does to the forces on it. */
+static double body_inertia(const bd_newton_system *system, const bd_plan *plan, int body,
+                           double g) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const int shaft = body < lay->np, j = pulley_of(lay, body);
   double inertia =
-      plan->model->inertia[shaft] * (1.0 + g * system->at.mass_damping) + system->own[shaft];
-  if (system->at.pulley_damping) {
-    inertia += g * system->at.pulley_damping[shaft];
+      (shaft ? model->inertia[body] : model->couplings[body - lay->np - lay->nm].inertia) *
+          (1.0 + g * system->at.mass_damping) +
+      (j >= 0 ? system->own[j] : 0.0);
+  if (shaft && system->at.pulley_damping) {
+    inertia += g * system->at.pulley_damping[body];
   }
   return inertia;
 }
@@ -277,22 +298,31 @@ static double shaft_inertia(const bd_newton_system *system, const bd_plan *plan,
 /* A body's row times the velocities of the links. */
 static double body_row(const bd_newton_system *system, const bd_plan *plan, int body,
                        const double *x, const double *y, const double *p) {
-  if (along_links(plan)) {
-    return bd_newton_row(system, plan, body, system->bodies[body].w, (const double *[]){x, y, p});
+  const bd_layout *lay = &plan->model->lay;
+  const int j = is_mount(lay, body) ? lay->mounted[body - lay->np] : pulley_of(lay, body);
+  if (j < 0) {
+    return 0.0;
   }
-  return plan->kernels->newton->border_row(system->at.n_runs[body], runs_of(system, body),
-                                           &system->contact[body], x, y);
+  if (along_links(plan)) {
+    return bd_newton_row(system, plan, j, system->bodies[body].w, (const double *[]){x, y, p});
+  }
+  return plan->kernels->newton->border_row(system->at.n_runs[j], runs_of(system, j),
+                                           &system->contact[j], x, y);
 }
 
 /* Of the small matrix of the bodies, but for what the links do. */
 static double body_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j,
                          double g) {
-  const int np = plan->model->lay.np;
-  if (i >= np || j >= np) {
+  const bd_layout *lay = &plan->model->lay;
+  const int np = lay->np;
+  if (is_mount(lay, i) || is_mount(lay, j)) {
     return bd_mount_entry(system, plan, i, j, g);
   }
-  const double torque = system->by_omega[i * np + j] + g * system->by_theta[i * np + j];
-  return (i == j ? shaft_inertia(system, plan, i, g) : 0.0) - g * torque;
+  const int shafts = i < np && j < np;
+  const double torque =
+      shafts ? system->by_omega[i * np + j] + g * system->by_theta[i * np + j] : 0.0;
+  return (i == j ? body_inertia(system, plan, i, g) : 0.0) - g * torque +
+         (lay->nc > 0 ? bd_coupling_entry(&system->at, plan->model, i, j, g) : 0.0);
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */
@@ -344,7 +374,7 @@ static void correct_bodies(const bd_newton_system *system, const bd_plan *plan, 
                            const bd_fill_sums *sums, double *c) {
   const bd_layout *lay = &plan->model->lay;
   const int m = mount_of(plan, j);
-  c[lay->omega + j] += plan->pulleys_locked ? 0.0 : sums->torque / plan->model->inertia[j];
+  c[lay->rim[j]] += plan->pulleys_locked ? 0.0 : sums->torque / plan->model->rim_inertia[j];
   if (m >= 0 && plan->model->mounts[m].kind != BD_MOUNT_PATH) {
     const double *a = system->at.mounts[m].at.a;
     c[lay->travel_speed + m] -=
@@ -371,7 +401,8 @@ static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fil
     }
     const bd_fill_sums sums = kernels->fill_pulley[pulley->law](
         links, joints, pulley, system->at.n_runs[j], runs_of(system, j), fill, &system->scratch,
-        &system->blocks, &system->slots[j], &system->bodies[j], m >= 0 ? &axis : NULL);
+        &system->blocks, &system->slots[j], &system->bodies[bd_belt_body(lay, j)],
+        m >= 0 ? &axis : NULL);
     system->own[j] = sums.own;
     if (fill->c) {
       correct_bodies(system, plan, j, &sums, fill->c);
@@ -392,7 +423,7 @@ static void add_contact(bd_newton_system *system, const bd_plan *plan, const bd_
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     const int n_runs = system->at.n_runs[j], form = bd_law_form(pulley->law);
     const bd_run *runs = runs_of(system, j);
-    double *z = border_of(system, lay, j);
+    double *z = border_of(system, lay, bd_belt_body(lay, j));
     kernels->linearise_contact[pulley->law](&plan->links, pulley, n_runs, runs, fill->y,
                                             &system->contact[j], fill->c ? fill->h : 0.0);
     if (fill->c) {
@@ -419,7 +450,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
   b->k = g * (g * links->stiffness + links->damping);
   b->damping = g * g * links->damping;
   b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
-  for (int body = 0; body < lay->np + lay->nm; ++body) {
+  for (int body = 0; body < lay->np + lay->nm + lay->nc; ++body) {
     memset(border_of(system, lay, body), 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
   }
   const int along = along_links(plan);
@@ -431,7 +462,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
     add_contact(system, plan, &fill);
   }
   system->ring_kernels->factor[along](&system->ring, b);
-  const int first = first_body(plan), n = lay->np + lay->nm - first;
+  const int first = first_body(plan), n = count_bodies(plan);
   for (int j = 0; j < n; ++j) {
     double *z = border_of(system, lay, first + j);
     system->ring_kernels->solve[along](&system->ring, b->k, z, z + lay->stride,
@@ -468,11 +499,10 @@ static void clear_behind(const bd_layout *lay, double *c) {
   }
 }
 
-double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int body,
-                     const double *row, const double *const *v) {
-  const bd_layout *lay = &plan->model->lay;
-  const int j = body < lay->np ? body : lay->mounted[body - lay->np];
-  return plan->kernels->newton->row_runs(lay, system->at.n_runs[j], runs_of(system, j), row, v);
+double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
+                     const double *const *v) {
+  return plan->kernels->newton->row_runs(&plan->model->lay, system->at.n_runs[j],
+                                         runs_of(system, j), row, v);
 }
 
 /* Right-hand sides of the ring and of the bodies by what c has of positions and states. */
@@ -487,17 +517,18 @@ static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
   kernels->blocks_product(lay, system->blocks.q, cq, bd_cfield(lay, c, F_VX), mass, r);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    const int body = bd_belt_body(lay, j);
     double sums[3] = {0.0, 0.0, 0.0}; /* torque and force of given states */
     if (pulley->law != BD_LAW_NONE) {
       const double *cz = bd_cfield(lay, c, bd_f_state(lay, pulley->slot));
       kernels->states_product(lay, &system->at.joints, system->at.n_runs[j], runs_of(system, j),
                               pulley->states, &system->slots[j], cz, r, sums);
-      sums[0] += bd_newton_row(system, plan, j, system->bodies[j].q,
+      sums[0] += bd_newton_row(system, plan, j, system->bodies[body].q,
                                (const double *[]){cq, cq + lay->stride, cq + 2 * lay->stride});
     }
-    system->rhs[j] = sums[0];
+    system->rhs[body] = sums[0];
     if (mount_of(plan, j) >= 0) {
-      bd_mount_product(system, plan, mount_of(plan, j), c, sums + 1, &system->rhs[j]);
+      bd_mount_product(system, plan, mount_of(plan, j), c, sums + 1, &system->rhs[body]);
     }
   }
 }
@@ -508,17 +539,22 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_links *links = &plan->links;
   const bd_newton_kernels *kernels = plan->kernels->newton;
   const double g = system->stage.g;
-  const int first = first_body(plan), n = lay->np + lay->nm - first;
+  const int first = first_body(plan), n = count_bodies(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
   const int along = along_links(plan);
+  memset(rhs, 0, (size_t)(lay->np + lay->nm + lay->nc) * sizeof *rhs);
   if (along) {
     product(system, plan, c);
   } else {
     kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
   }
   for (int j = 0; !along && j < lay->np; ++j) {
-    rhs[j] = kernels->contact_product(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
-                                      runs_of(system, j), &system->contact[j], c, x, y);
+    rhs[bd_belt_body(lay, j)] =
+        kernels->contact_product(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
+                                 runs_of(system, j), &system->contact[j], c, x, y);
+  }
+  if (lay->nc > 0 && !plan->pulleys_locked) {
+    bd_coupling_product(&system->at, model, g, c, rhs);
   }
   system->ring_kernels->solve[along](&system->ring, system->ring_blocks.k, x, y, p);
   for (int body = first; body < first + n; ++body) {
@@ -541,6 +577,9 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   for (int m = 0; m < lay->nm; ++m) {
     bd_mount_finish(system, plan, m, rhs[lay->np + m], c);
   }
+  if (lay->nc > 0 && !plan->pulleys_locked) {
+    bd_coupling_finish(&system->at, model, g, rhs, c);
+  }
   if (along) {
     close_ring(lay, c);
   }
@@ -548,6 +587,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
     c[lay->omega + j] = angular_acceleration;
+    angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[bd_belt_body(lay, j)];
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     if (pulley->law == BD_LAW_NONE) {
       continue;

@@ -52,9 +52,9 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
 
-/* A row of a body times vectors by node, where contact along the links is near. */
-double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int body,
-                     const double *row, const double *const *v);
+/* A row of a body times vectors by node, where contact along the links with pulley j is near. */
+double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
+                     const double *const *v);
 
 /* --- mount_border.c -------------------------------------------------------------------------- */
 

@@ -101,6 +101,10 @@ double bd_stepper_error_of_stops(const bd_stepper *stepper, const double *y_new,
     const double faster = bd_stop_off_line(&stepper->plan, stepper->y, y_new, m, g);
     most = fmax(most, stepper->weights[stepper->model->lay.travel_speed + m] * fabs(faster));
   }
+  for (int c = 0; c < stepper->model->lay.nc; ++c) {
+    const double faster = bd_clutch_off_line(&stepper->plan, stepper->y, y_new, c, g);
+    most = fmax(most, stepper->weights[stepper->model->lay.rim_speed + c] * fabs(faster));
+  }
   return most;
 }
 

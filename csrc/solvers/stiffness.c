@@ -32,8 +32,9 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
     double wrap = model->geometry.code == BD_OK ? model->wraps[j].wrap : BD_PI;
     const bd_friction_stiffness friction = bd_friction_stiffness_of(model, j, normal);
     const double inertia = set && bd_is_moved(set, j) ? (double)INFINITY : model->inertia[j];
+    const double rim = bd_runs_on_shaft(&model->lay, j) ? inertia : model->rim_inertia[j];
     /* of all links on the wrap together, on the pulley's inertia */
-    const double of_wrap = wrap * r * r * r / (info->link_length * inertia);
+    const double of_wrap = wrap * r * r * r / (info->link_length * rim);
     double angular = 0.0, viscous = 0.0;
     if (set) {
       bd_torque_set_steepest(set, j, tension, &angular, &viscous);
@@ -95,6 +96,18 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
     const double own = lambda(stiffness / mount->inertia, damping / mount->inertia);
     if (own > stiff.bound) {
       stiff = (bd_stiffness){.bound = own, .what = "a mount of very small inertia", .pulley = j};
+    }
+  }
+  for (int c = 0; c < model->lay.nc; ++c) {
+    const bd_coupled *coupled = &model->couplings[c];
+    const int j = coupled->pulley, moved = set && bd_is_moved(set, j);
+    const double light = 1.0 / coupled->inertia + (moved ? 0.0 : 1.0 / model->inertia[j]);
+    double own = lambda(coupled->stiffness * light, coupled->damping * light);
+    if (coupled->kind == BD_COUPLING_CLUTCH) {
+      own = fmax(own, coupled->stiffness / coupled->damping);
+    }
+    if (own > stiff.bound) {
+      stiff = (bd_stiffness){.bound = own, .what = "a very stiff coupling", .pulley = j};
     }
   }
   return stiff;

@@ -433,7 +433,7 @@ static size_t state_sizes(const bd_info *info, size_t sizes[16]) {
   const size_t n_b = (size_t)info->n_bodies;
   const size_t LINKS = n_b, SLOTS = n_b * (size_t)info->n_slots;
   const size_t STATES = SLOTS * (size_t)info->n_states, PULLEYS = (size_t)info->n_pulleys,
-               MOUNTS = (size_t)info->n_mounts;
+               MOUNTS = (size_t)info->n_mounts, COUPLINGS = (size_t)info->n_couplings;
   size_t n = 0;
 #define X(symbol, name, size, scale, unit, text) sizes[n++] = size;
   BD_STATE_FIELDS(X)

@@ -1,0 +1,127 @@
+"""What joins a pulley's shaft to its rim: isolators and overrunning clutches; torsional dampers.
+
+Equations in MODEL section 5. With an isolator or a clutch the belt runs on the rim, of the inertia
+that the pulley has, and everything else acts on the hub: torques and loads, bearing drag and
+prescribed motions. ``result.pulleys`` (``theta``, ``omega``, ``torque``) and the arguments of
+torque functions are the hub's; ``result.couplings`` has the rim's, the windup and the torque
+between the two. Powers are those of shafts; speed ratios and creep are of rims. With a torsional
+damper belt and torques act on the pulley itself, and a ring hangs free on it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import attrs
+
+from .rules import Printable, from_table, rules_of
+
+__all__ = ["Coupling", "Isolator", "OverrunningClutch", "TorsionalDamper", "coupling_or_none"]
+
+
+class _Joined(Printable):
+    """What they have in common."""
+
+    __slots__ = ()
+
+    def _numbers(self, group: str) -> tuple[str, tuple[float, ...]]:
+        """Give the group and the numbers of the core's struct."""
+        values = (getattr(self, name) for name in rules_of(group))
+        return group, tuple(int(v) if isinstance(v, bool) else float(v or 0.0) for v in values)
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("isolator"))
+class Isolator(_Joined):
+    """A spring and a damper between hub and rim, both ways: a torsional isolator or soft coupling.
+
+    Of a crank pulley whose rubber carries the belt's ring, a torsional vibration damper with the
+    belt on its ring, the pulley's inertia is the ring's, and this the hub's with the shaft; the
+    crank's motion or torque acts on the hub. Where the ring hangs free, and the belt runs on the
+    hub, take :class:`TorsionalDamper`.
+
+    Attributes:
+        inertia: Of the hub and what turns with it, shaft and rotor [kg m^2], > 0; the pulley's own
+            is then that of the rim.
+        stiffness: Of the spring between hub and rim [N m/rad], > 0.
+        damping: Of the damper between them [N m s/rad], >= 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    inertia: float
+    stiffness: float
+    damping: float = 0.0
+
+    def _to_core(self) -> tuple[str, tuple[float, ...]]:
+        return self._numbers("isolator")
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("clutch"))
+class OverrunningClutch(_Joined):
+    """A one-way clutch between rim and hub: the belt drives the rotor, which may run ahead.
+
+    While the rim turns faster than the hub in the running direction, it winds up the spring by z
+    and drives the hub by stiffness z + damping dz/dt. It never holds the hub back: when that torque
+    would be negative the rollers come free, the hub overruns, and the clutch engages again at
+    whatever angle it has when the rim catches up. With a soft spring this is an overrunning
+    alternator decoupler (OAD); without, an overrunning alternator pulley (OAP), whose rollers are
+    as stiff as is chosen here.
+
+    Attributes:
+        inertia: Of the hub and what turns with it, shaft and rotor [kg m^2], > 0; the pulley's own
+            is then that of the rim.
+        stiffness: Of the spring [N m/rad], >= 0; None or 0: no spring, rollers on which the hub
+            alone would swing at 300 Hz.
+        damping: Of the damper beside the spring [N m s/rad], >= 0; None or 0: 5 % of critical, of
+            the hub on its spring. Rollers that come free unwind at the rate stiffness / damping.
+        clockwise: Whether the rim drives the hub clockwise, as where the rim turns clockwise in
+            service; by default it drives it counter-clockwise, the sense in which angles are
+            positive. The wrong way round the rotor is not driven at all.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    inertia: float
+    stiffness: float | None = None
+    damping: float | None = None
+    clockwise: bool = False
+
+    def _to_core(self) -> tuple[str, tuple[float, ...]]:
+        return self._numbers("clutch")
+
+
+@attrs.frozen(kw_only=True, field_transformer=from_table("damper"))
+class TorsionalDamper(_Joined):
+    """A free ring on a pulley, held by a spring and a damper: a torsional vibration damper.
+
+    Without a spring it is a viscous damper, as of Houdaille. Belt and torques act on the pulley.
+
+    Attributes:
+        inertia: Of the ring [kg m^2], > 0; the pulley's own is that of the rest.
+        stiffness: Of the spring between pulley and ring [N m/rad], >= 0.
+        damping: Of the damper between them [N m s/rad], >= 0.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    inertia: float
+    stiffness: float
+    damping: float = 0.0
+
+    def _to_core(self) -> tuple[str, tuple[float, ...]]:
+        return self._numbers("damper")
+
+
+Coupling: TypeAlias = Isolator | OverrunningClutch | TorsionalDamper
+
+
+def coupling_or_none(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
+    """Check the field of a pulley that holds its coupling."""
+    if value is not None and not isinstance(value, Coupling):
+        raise TypeError(
+            "pulley.coupling must be an Isolator, an OverrunningClutch, a TorsionalDamper or None, "
+            f"got {type(value).__name__}"
+        )

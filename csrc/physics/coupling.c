@@ -1,0 +1,169 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Couplings between shafts and rims (MODEL section 5), a row of the table in effects.c, and their
+ * part in the linear systems (newton_system.c): a rim with a coupling is one more body of one
+ * degree of freedom, after shafts and mounts, and its windup is eliminated,
+ *
+ *   k_z = g c_z + g s (k_rim - k_shaft) engaged,    k_z = g c_z / (1 + g k / d) released.
+ */
+#include <math.h>
+
+#include "physics/physics.h"
+
+int bd_couplings_enabled(const bd_model *model, const bd_plan_options *options) {
+  return model->lay.nc > 0 && !options->hold_pulleys;
+}
+
+const char *bd_couplings_label(const bd_plan *plan) {
+  int has[3] = {0};
+  for (int c = 0; c < plan->model->lay.nc; ++c) {
+    has[plan->model->couplings[c].kind] = 1;
+  }
+  const int clutch = has[BD_COUPLING_CLUTCH], isolator = has[BD_COUPLING_ISOLATOR],
+            damper = has[BD_COUPLING_DAMPER];
+  return clutch + isolator + damper > 1 ? "couplings of shafts and rims: of several kinds"
+         : clutch                       ? "couplings of shafts and rims: overrunning clutches"
+         : isolator                     ? "couplings of shafts and rims: isolators"
+                                        : "rings of torsional dampers";
+}
+
+/* After the pass of the pulleys. */
+int bd_couplings_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+  (void)t, (void)err;
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  double loss = 0.0;
+  for (int c = 0; c < lay->nc; ++c) {
+    const bd_coupled *k = &model->couplings[c];
+    const bd_coupling_state at = bd_coupling_at(model, y, c);
+    const int j = k->pulley;
+    const double belt = bd_runs_on_shaft(lay, j) ? 0.0 : plan->friction[j];
+    dy[lay->rim_angle + c] = y[lay->rim_speed + c];
+    dy[lay->rim_speed + c] = (belt - k->sense * at.torque) / k->inertia;
+    dy[lay->omega + j] += k->sense * at.torque / model->inertia[j];
+    dy[lay->windup + c] = at.winds;
+    loss += k->damping * at.winds * at.winds;
+  }
+  dy[lay->work + W_coupling_loss] = loss;
+  return BD_OK;
+}
+
+void bd_couplings_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+  BD_CARVE(carver, out->couplings, model->lay.nc);
+}
+
+void bd_couplings_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+  for (int c = 0; c < plan->model->lay.nc; ++c) {
+    const bd_coupled *k = &plan->model->couplings[c];
+    out->couplings[c] = bd_coupling_at(plan->model, y, c).engaged
+                            ? (bd_coupling_tangent){.stiffness = k->stiffness,
+                                                    .damping = k->damping,
+                                                    .winds = k->sense}
+                            : (bd_coupling_tangent){.decay = k->stiffness / k->damping};
+  }
+}
+
+/* Of a clutch that has come free, to what its rollers are: a windup is never negative. */
+int bd_couplings_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                            bd_error *err) {
+  (void)t, (void)err;
+  const bd_model *model = plan->model;
+  for (int c = 0; c < model->lay.nc; ++c) {
+    double *z = &y[model->lay.windup + c];
+    if (model->couplings[c].kind == BD_COUPLING_CLUTCH && *z < 0.0) {
+      *changed |= -*z > tolerance * bd_state_scale(model, F_WINDUP, c);
+      *z = 0.0;
+    }
+  }
+  return BD_OK;
+}
+
+void bd_couplings_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int c = 0; c < lay->nc; ++c) {
+    const bd_coupled *k = &plan->model->couplings[c];
+    const double z = y[lay->windup + c], speed = y[lay->rim_speed + c];
+    terms[BD_ENERGY_kinetic] += 0.5 * k->inertia * speed * speed;
+    terms[BD_ENERGY_coupling] += 0.5 * k->stiffness * z * z;
+  }
+}
+
+void bd_couplings_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  for (int c = 0; c < lay->nc; ++c) {
+    const struct {
+      double *to, value;
+    } columns[] = {
+        {out->rim_angle, y[lay->rim_angle + c]},
+        {out->rim_speed, y[lay->rim_speed + c]},
+        {out->windup, model->couplings[c].kind == BD_COUPLING_CLUTCH
+                          ? fmax(0.0, y[lay->windup + c]) /* between steps it is interpolated */
+                          : y[lay->windup + c]},
+        {out->transmitted, model->couplings[c].sense * bd_coupling_at(model, y, c).torque},
+    };
+    for (size_t n = 0; n < sizeof columns / sizeof columns[0]; ++n) {
+      if (columns[n].to) {
+        columns[n].to[k * (size_t)lay->nc + (size_t)c] = columns[n].value;
+      }
+    }
+  }
+}
+
+double bd_clutch_off_line(const bd_plan *plan, const double *y, const double *y_new, int c,
+                          double g) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const bd_coupled *k = &model->couplings[c];
+  if (k->kind != BD_COUPLING_CLUTCH) {
+    return 0.0;
+  }
+  const bd_coupling_state before = bd_coupling_at(model, y, c),
+                          after = bd_coupling_at(model, y_new, c);
+  const double line = k->stiffness * (y_new[lay->windup + c] - y[lay->windup + c]) +
+                      k->damping * (after.ahead - before.ahead);
+  const double off = after.torque - before.torque - (before.engaged ? line : 0.0);
+  const double stiff = g * (g * k->stiffness + k->damping);
+  const double lighter = fmin(model->inertia[k->pulley], k->inertia);
+  return g * off / (lighter + (after.engaged ? stiff : 0.0));
+}
+
+/* --- in the linear systems -------------------------------------------------------------------- */
+
+static double between(const bd_derivatives *at, int c, double g) {
+  return g * (g * at->couplings[c].stiffness + at->couplings[c].damping);
+}
+
+double bd_coupling_entry(const bd_derivatives *at, const bd_model *model, int row, int column,
+                         double g) {
+  double sum = 0.0;
+  for (int c = 0; c < model->lay.nc; ++c) {
+    const int shaft = model->couplings[c].pulley, rim = bd_rim_body(&model->lay, c);
+    const int of_row = row == shaft || row == rim, of_column = column == shaft || column == rim;
+    sum += of_row && of_column ? (row == column ? 1.0 : -1.0) * between(at, c, g) : 0.0;
+  }
+  return sum;
+}
+
+void bd_coupling_product(const bd_derivatives *at, const bd_model *model, double g, const double *y,
+                         double *rhs) {
+  const bd_layout *lay = &model->lay;
+  for (int c = 0; c < lay->nc; ++c) {
+    const bd_coupled *k = &model->couplings[c];
+    const double torque = g * g * at->couplings[c].stiffness * k->sense * y[lay->windup + c];
+    rhs[k->pulley] += torque;
+    rhs[bd_rim_body(lay, c)] += g * k->inertia * y[lay->rim_speed + c] - torque;
+  }
+}
+
+void bd_coupling_finish(const bd_derivatives *at, const bd_model *model, double g,
+                        const double *rhs, double *y) {
+  const bd_layout *lay = &model->lay;
+  for (int c = 0; c < lay->nc; ++c) {
+    const bd_coupling_tangent *k = &at->couplings[c];
+    const double rim = rhs[bd_rim_body(lay, c)], shaft = rhs[lay->coupled[c]];
+    y[lay->rim_angle + c] = g * (y[lay->rim_angle + c] + rim);
+    y[lay->rim_speed + c] = rim;
+    y[lay->windup + c] = g * (y[lay->windup + c] + k->winds * (rim - shaft)) / (1.0 + g * k->decay);
+  }
+}
