@@ -70,8 +70,9 @@ RADIUS = 5.0
 DISC = 0.5 * math.pi * 1000.0 * 1e-6
 #: I / (2 T R^2) is the time in which all that the belt transmits gives a pulley 1 m/s at its rim:
 #: 0.0004 to 0.08 s of machines with their flywheels; a quarter of an hour to 10 m/s is no drive. In
-#: kg mm^2 inertias are a million times too large [s^2/m].
-HEAVY = 100.0
+#: kg mm^2 inertias are a million times too large. Beyond ten days they are taken as the wish that a
+#: pulley keeps its speed whatever happens [s^2/m].
+HEAVY = (100.0, 1e6)
 #: A span of 1 m sags under its weight by g/(8 v^2), v^2 = tension/density, here by 5 %: it is
 #: slack rather than tight. Belts, ropes and tapes have v of 10 to 150 m/s; EA in kN or density in
 #: g/m divide it by 32 [m/s].
@@ -411,7 +412,7 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
         )
     slowest = [pulley.inertia / (2.0 * tension * pulley.radius**2) for pulley in params.pulleys]
     heavy = int(np.argmax(slowest))
-    if slowest[heavy] > HEAVY:
+    if HEAVY[0] < slowest[heavy] < HEAVY[1]:
         yield units(
             f"{params.label(heavy)} has {params.pulleys[heavy].inertia:.3g} kg m^2, to which all "
             f"that a belt of {tension:.4g} N transmits gives 1 m/s in {slowest[heavy]:.3g} s: is "

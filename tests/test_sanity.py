@@ -179,6 +179,8 @@ def test_units_of_machines_that_exist_are_not_doubted_and_wrong_ones_are(name: s
         for times in (1e3, 1e6)
     )
     assert "units" not in codes(heavy)
+    held = [attrs.evolve(p, inertia=1e12 * p.inertia) for p in params.pulleys]
+    assert "units" not in codes(attrs.evolve(params, pulleys=held)), "pulleys that keep their speed"
     for wrong, word in (
         (in_mm, "kg mm^2"),
         (at_scale(params, 1e3), "mm"),
