@@ -32,7 +32,7 @@ def serpentine(n_bodies: int = 200, decoupler: bool = False) -> Scene:
 
     With a decoupler the alternator's rotor hangs on its pulley by an overrunning clutch and a soft
     spring, on which it swings at 14 Hz, far below the firing at 100 Hz: there its speed fluctuates
-    by 0.2 instead of 2.3 rad/s, the span before it by 26 instead of 100 N, and the tensioner by 0.28
+    by 0.2 instead of 2.3 rad/s, the span before it by 26 instead of 100 N, the tensioner by 0.28
     instead of 0.40 degrees; the span behind the crank, though, by 135 instead of 75 N (amplitudes
     after 0.3 s, 120 links). It takes some 0.2 s until the spring has wound up to its 9 degrees.
 

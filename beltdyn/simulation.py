@@ -146,12 +146,13 @@ def simulate(
             them it is known to 8 % only: the warning "balance" then comes from 15 % instead of 2 %
             on, and ``stats.error`` does not include it.
         outputs: What to compute and keep at the sample times, a tuple of names; None: everything.
-            Names are those of groups ("pulleys", "belt", "joints", "contact", "mounts"), of arrays
-            in them ("joints.force", "pulleys.omega"), "energy" for the ledger, which else is left
-            out as by ``ledger=False``, and "span_tension", which keeps none of the forces that it
-            is computed from. Other arrays are an AttributeError when read. The run itself and
-            ``final_state`` are the same; warnings that show in other outputs are not looked for,
-            ``result.unchecked`` lists them. ``verify`` holds more until it is done.
+            Names are those of groups ("pulleys", "belt", "joints", "contact", "mounts",
+            "couplings"), of arrays in them ("joints.force", "pulleys.omega"), "energy" for the
+            ledger, which else is left out as by ``ledger=False``, and "span_tension", which keeps
+            none of the forces that it is computed from. Other arrays are an AttributeError when
+            read. The run itself and ``final_state`` are the same; warnings that show in other
+            outputs are not looked for, ``result.unchecked`` lists them. ``verify`` holds more until
+            it is done.
         torque_interval: A torque function, Python or compiled, is called at least once in every
             interval of this length [s], so that no pulse longer than that is missed, however long
             the steps are. (Torque objects need no such calls.) If a function jumps all the time

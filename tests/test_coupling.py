@@ -417,6 +417,16 @@ def test_what_is_not_there_costs_nothing() -> None:
     assert any("isolators" in name for name in there.effects)
 
 
+def test_a_belt_settles_with_pulleys_free_to_turn_as_without_a_coupling() -> None:
+    """Rims come to rest where whole pulleys do, to what friction leaves; hubs stand."""
+    free = bd.Tensioning(friction=True, pulleys="free")
+    whole, coupled = (
+        bd.settle(two(one, tensioning=free)) for one in (None, attrs.evolve(ISOLATOR, inertia=0.01))
+    )
+    assert coupled.rim_angle == pytest.approx(whole.theta[1:], abs=1e-6)
+    assert not coupled.windup.any() and coupled.theta[1] == 0.0
+
+
 def test_sweeps_and_explanations_know_couplings() -> None:
     """Their numbers have names; left out, hub and rim are one body of both inertias."""
     params, torque = decoupled()

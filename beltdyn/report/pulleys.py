@@ -90,7 +90,8 @@ def _coupling(window: Window, k: int) -> dict[str, Any]:
     params, run = window.params, window.run
     if run.couplings is None or k not in params.coupled:
         return {}
-    c, found = params.coupled.index(k), {}
+    c = params.coupled.index(k)
+    found: dict[str, Any] = {}
     for name in ("rim_speed", "windup"):
         if run._has(f"couplings.{name}"):
             found[name] = spread(window, window.of(getattr(run.couplings, name))[:, c])

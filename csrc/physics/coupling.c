@@ -27,6 +27,12 @@ const char *bd_couplings_label(const bd_plan *plan) {
                                         : "rings of torsional dampers";
 }
 
+/* While a belt settles no torque acts on a hub, so that none is transmitted in the end, and until
+ * then swings of hubs would only delay it. */
+static bd_coupling_state coupling_at(const bd_plan *plan, const double *y, int c) {
+  return plan->mass_damping > 0.0 ? (bd_coupling_state){0} : bd_coupling_at(plan->model, y, c);
+}
+
 /* After the pass of the pulleys. */
 int bd_couplings_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
@@ -35,7 +41,7 @@ int bd_couplings_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *
   double loss = 0.0;
   for (int c = 0; c < lay->nc; ++c) {
     const bd_coupled *k = &model->couplings[c];
-    const bd_coupling_state at = bd_coupling_at(model, y, c);
+    const bd_coupling_state at = coupling_at(plan, y, c);
     const int j = k->pulley;
     const double belt = bd_runs_on_shaft(lay, j) ? 0.0 : plan->friction[j];
     dy[lay->rim_angle + c] = y[lay->rim_speed + c];
@@ -55,6 +61,10 @@ void bd_couplings_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd
 void bd_couplings_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   for (int c = 0; c < plan->model->lay.nc; ++c) {
     const bd_coupled *k = &plan->model->couplings[c];
+    if (plan->mass_damping > 0.0) {
+      out->couplings[c] = (bd_coupling_tangent){0};
+      continue;
+    }
     out->couplings[c] = bd_coupling_at(plan->model, y, c).engaged
                             ? (bd_coupling_tangent){.stiffness = k->stiffness,
                                                     .damping = k->damping,
