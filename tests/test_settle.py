@@ -225,6 +225,14 @@ def test_fine_belts_come_to_rest_at_once() -> None:
         settled_in(params, 220)
 
 
+def test_a_fine_belt_that_runs_is_moved_along_itself() -> None:
+    """Left to slide it takes 15 000 steps."""
+    params = fine(535)
+    settling = _core.Simulation.settle(params._model, speed=5.0)
+    assert settling.advance(math.inf) is True
+    assert settling.stats["steps"] <= 1500 and settling.stats["residual"] <= 1e-9
+
+
 def triangle(side: float, n_bodies: int) -> bd.Params:
     """Three equal pulleys, on which the polygon of links resists circulation least."""
     places = [(0.0, 0.0), (side, 0.0), (0.5 * side, math.sqrt(0.75) * side)]
