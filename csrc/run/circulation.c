@@ -9,14 +9,31 @@
 
 #include "run/run.h"
 
+/* Fine belts, whose circulation meets the least force, are not waited for. Nor are others for ever;
+ * nearly all have come to rest by then. With friction Newton's method would decide what is held,
+ * and of belts that run it does not know the centrifugal force, without which it would not let them
+ * circulate: there fine ones are moved along themselves. */
 void bd_circulation_begin(bd_circulation *circulation, bd_sim *sim) {
   const double FINE = 0.1; /* angle of a link on its pulley */
+  const double SOON = 30.0, LATE = 1000.0;
+  bd_plan *plan = &sim->stepper.plan;
   const bd_model *model = sim->stepper.model;
-  *circulation =
-      (bd_circulation){.fine = sim->stepper.method->implicit && !sim->stepper.plan.friction_on &&
-                               model->info.link_length < FINE * bd_tightest_radius(model)};
-  sim->stepper.plan.circulation_damping = 0.0;
-  sim->stepper.plan.circulation_inertia_scale = 1.0;
+  const int fine = sim->stepper.method->implicit && !plan->friction_on &&
+                   model->info.link_length < FINE * bd_tightest_radius(model);
+  const int can =
+      plan->flow == 0.0 && !plan->grip_on && bd_newton_check(plan, "lie", NULL) == BD_OK;
+  *circulation = (bd_circulation){.fine = fine && !can,
+                                  .try_after = !can   ? (double)INFINITY
+                                               : fine ? SOON
+                                                      : LATE};
+  plan->circulation_damping = 0.0;
+  plan->circulation_inertia_scale = 1.0;
+}
+
+/* Damping, times the time since centres have come to their places: motions at the pace of the
+ * slowest that is damped critically have fallen by exp(given / 2). */
+static double given(const bd_sim *sim) {
+  return (sim->stepper.t - sim->stepper.plan.move_time) * sim->stepper.plan.mass_damping;
 }
 
 /* Of one move, as a share of a link. */
@@ -90,10 +107,10 @@ static void tune(bd_circulation *c, bd_sim *sim, double force) {
   const double speed = bd_plan_circulation(plan, sim->stepper.y);
   const double travel = 0.5 * (speed + c->speed) * (sim->stepper.t - c->time);
   const double held_after = sim->stepper.method->implicit ? 2500.0 : 500.0;
-  const double given = (sim->stepper.t - plan->move_time) * plan->mass_damping;
-  const int held = given > held_after && ++c->looks < HELD;
+  const double damped = given(sim);
+  const int held = damped > held_after && ++c->looks < HELD;
   /* not before the rest of the motion has died down, or its noise would pass for a stiffness */
-  if (!held && given > 30.0 && fabs(travel) > 1e-9 * sim->stepper.model->info.link_length) {
+  if (!held && damped > 30.0 && fabs(travel) > 1e-9 * sim->stepper.model->info.link_length) {
     c->looks = 0;
     /* the estimate falls only slowly: gains that follow the position would feed energy in */
     const double seen = fabs(force - c->force) / fabs(travel), pace = plan->mass_damping / 16.0;
@@ -106,20 +123,19 @@ static void tune(bd_circulation *c, bd_sim *sim, double force) {
   c->time = sim->stepper.t;
 }
 
-/* Fine belts without friction that have not come to rest soon are held and moved. Coarse ones jump
- * as links come on and off. */
+/* Fine belts that Newton's method is not for, and that have not come to rest soon, are held and
+ * moved. Coarse ones jump as links come on and off. */
 void bd_circulation_look(bd_circulation *circulation, bd_sim *sim, const double *dy) {
   enum { MOST_MOVES = 60 };
   const double SOON = 60.0;
   bd_plan *plan = &sim->stepper.plan;
   const double force = bd_plan_circulation(plan, dy);
-  const double given = (sim->stepper.t - plan->move_time) * plan->mass_damping;
   if (plan->circulation_inertia_scale == 0.0 &&
       (circulation->moves > MOST_MOVES || !circulation->fine)) {
     bd_circulation_begin(circulation, sim); /* moved in vain */
     circulation->fine = 0;
   }
-  if (!circulation->fine || given < SOON) {
+  if (!circulation->fine || given(sim) < SOON) {
     tune(circulation, sim, force);
     return;
   }
@@ -131,4 +147,14 @@ void bd_circulation_look(bd_circulation *circulation, bd_sim *sim, const double 
   plan->circulation_damping = plan->mass_damping;
   plan->circulation_inertia_scale = 0.0;
   seek(circulation, sim, force);
+}
+
+/* What fails is tried again when half as much damping again has been given. */
+int bd_circulation_ends(bd_circulation *c, bd_sim *sim, double tolerance) {
+  const double damped = given(sim);
+  if (damped < c->try_after) {
+    return 0;
+  }
+  c->try_after = 1.5 * damped;
+  return bd_find_equilibrium(sim, tolerance);
 }

@@ -152,10 +152,13 @@ static double first_step(const bd_sim *sim) {
   return SHARE_OF_TIME_CONSTANT / sim->stepper.model->info.spectral_bound;
 }
 
-/* The shortest step that moves the time, at t = 0 the phase of the fastest mode. */
+/* The shortest step that moves the time, at t = 0 the phase of the fastest mode. A belt that
+ * settles by a millionth of its step sinks into a pulley as far as it can: such steps go on for
+ * ever. */
 static double shortest(const bd_sim *sim) {
-  return 16.0 * DBL_EPSILON *
-         fmax(fabs(sim->stepper.t), 1.0 / sim->stepper.model->info.spectral_bound);
+  const double moves = 16.0 * DBL_EPSILON *
+                       fmax(fabs(sim->stepper.t), 1.0 / sim->stepper.model->info.spectral_bound);
+  return sim->settling ? fmax(moves, 1e-6 * sim->options.step) : moves;
 }
 
 int bd_sim_begin_motion(bd_sim *sim, bd_error *err) {

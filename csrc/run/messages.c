@@ -33,8 +33,10 @@ int bd_sim_fail_unstable(bd_sim *sim, int code, double h) {
   if (sim->settling) {
     return bd_fail_at(&sim->stepper.report.failure, code, name, sim->stepper.t, body, pulley, h,
                       "settling blew up after t = %.9g s, first in %s%s: the start is too far from "
-                      "rest, or parameters are far out of scale",
-                      sim->stepper.t, name, where);
+                      "rest, %sor parameters are far out of scale",
+                      sim->stepper.t, name, where,
+                      code == BD_ERR_PASSED_THROUGH ? "the contact too soft for the tension, "
+                                                    : "");
   }
   if (!sim->stepper.fixed) {
     return bd_fail_at(&sim->stepper.report.failure, code, name, sim->stepper.t, body, pulley, h,

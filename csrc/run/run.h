@@ -188,7 +188,7 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
                     const bd_torque *torque, double t_end, const bd_options *options,
                     bd_error *err);
 
-/* --- circulation.c --------------------------------------------------------------------------- */
+/* --- circulation.c, equilibrium.c ------------------------------------------------------------ */
 
 typedef struct bd_circulation_place {
   double at, force; /* [shares of a link], [m/s^2] */
@@ -197,6 +197,7 @@ typedef struct bd_circulation_place {
 
 /* Of a belt that settles; it is looked at now and then, with the rate of the stopped belt. */
 typedef struct bd_circulation {
+  double try_after;          /* the damping after which Newton's method is tried */
   int fine;                  /* whether it may be moved */
   double force, speed, time; /* at the last look; time: of the last move, of a belt that is moved */
   double stiffness;          /* as seen */
@@ -208,5 +209,14 @@ typedef struct bd_circulation {
 
 void bd_circulation_begin(bd_circulation *circulation, bd_sim *sim);
 void bd_circulation_look(bd_circulation *circulation, bd_sim *sim, const double *dy);
+/* After a look; 1: the belt has been put where forces balance. */
+int bd_circulation_ends(bd_circulation *circulation, bd_sim *sim, double tolerance);
+/* Takes all velocities out of y; returns the largest, of link ends and rims [m/s]. */
+double bd_stop(const bd_sim *sim, double *y);
+/* The largest unbalanced force in rates of a stopped belt, over the mean tension. */
+double bd_unbalanced(const bd_sim *sim, const double *dy);
+/* By Newton's method from where the belt is; 0, and the belt is where it was: not within a hundred
+ * steps. For simulations with room for the method "lie". */
+int bd_find_equilibrium(bd_sim *sim, double tolerance);
 
 #endif

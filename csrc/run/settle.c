@@ -244,37 +244,6 @@ static void set_up(bd_settling *settling, double step) {
   sim->stepper.fixed = 1;
 }
 
-/* Takes all velocities out of y; returns the largest, of link ends and rims [m/s]. */
-static double stop(const bd_sim *sim, double *y) {
-  const bd_layout *lay = &sim->stepper.model->lay;
-  double fastest = 0.0;
-  for (int f = F_VX; f <= F_VPHI; ++f) {
-    if (!bd_has_field(lay, f)) {
-      continue;
-    }
-    double *v = bd_field(lay, y, f), arm = f == F_VPHI ? sim->stepper.plan.links.half : 1.0;
-    for (int i = 0; i < lay->n; ++i) {
-      fastest = fmax(fastest, arm * fabs(v[i]));
-      v[i] = 0.0;
-    }
-  }
-  for (int j = 0; j < lay->np; ++j) {
-    fastest = fmax(fastest, sim->stepper.model->radius[j] * fabs(y[lay->omega + j]));
-    y[lay->omega + j] = 0.0;
-  }
-  for (int c = 0; c < lay->nc; ++c) {
-    fastest =
-        fmax(fastest, sim->stepper.model->radius[lay->coupled[c]] * fabs(y[lay->rim_speed + c]));
-    y[lay->rim_speed + c] = 0.0;
-  }
-  for (int m = 0; m < lay->nm; ++m) {
-    const double v = y[lay->travel_speed + m] * sim->stepper.model->mounts[m].lever;
-    fastest = fmax(fastest, fabs(v));
-    y[lay->travel_speed + m] = 0.0;
-  }
-  return fastest;
-}
-
 /* A belt that does not touch every pulley has settled in a wrong position. */
 static int check_laid(bd_sim *sim, bd_error *err) {
   const bd_model *model = sim->stepper.model;
@@ -312,9 +281,8 @@ static int check_rest(bd_settling *settling) {
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
   double *y = sim->stepper.y_mid, *dy = sim->stepper.stage[sim->stepper.method->vectors - 1];
-  double fastest, worst = 0.0;
   memcpy(y, sim->stepper.y, lay->size * sizeof *y);
-  fastest = stop(sim, y);
+  const double fastest = bd_stop(sim, y);
   double wave = sqrt(model->belt.axial_stiffness / model->belt.linear_density);
   if (!(fastest < wave)) {
     return bd_fail_at(
@@ -332,24 +300,7 @@ static int check_rest(bd_settling *settling) {
   }
   ++sim->stepper.nfev;
   bd_circulation_look(&settling->circulation, sim, dy);
-  for (int i = 0; i < lay->n; ++i) {
-    double fx = bd_field(lay, dy, F_VX)[i], fy = bd_field(lay, dy, F_VY)[i];
-    double turning = lay->string ? 0.0 : bd_field(lay, dy, F_VPHI)[i];
-    worst = fmax(worst, info->link_mass * hypot(fx, fy));
-    worst = fmax(worst, info->link_inertia * fabs(turning) / (0.5 * info->link_length));
-  }
-  for (int j = 0; j < lay->np; ++j) {
-    worst = fmax(worst, model->inertia[j] * fabs(dy[lay->omega + j]) / model->radius[j]);
-  }
-  for (int c = 0; c < lay->nc; ++c) {
-    const double torque = model->couplings[c].inertia * dy[lay->rim_speed + c];
-    worst = fmax(worst, fabs(torque) / model->radius[lay->coupled[c]]);
-  }
-  for (int m = 0; m < lay->nm; ++m) {
-    const double force = sim->stepper.plan.mount_inertia[m] * dy[lay->travel_speed + m];
-    worst = fmax(worst, fabs(force) / model->mounts[m].lever);
-  }
-  sim->stats.residual = worst / info->strain_tension;
+  sim->stats.residual = bd_unbalanced(sim, dy);
   if (!(sim->stats.residual > 0.9 * settling->best)) {
     settling->best = sim->stats.residual;
     settling->best_time = sim->stepper.t;
@@ -432,6 +383,10 @@ static int advance(bd_settling *settling, long max_steps) {
     done += code < 0 ? to_look : sim->stats.steps - before;
     if (code >= 0 && (sim->stats.steps % every == 0 || stepper->t >= sim->t_end)) {
       code = check_rest(settling);
+      if (code == BD_OK && !settling->at_rest &&
+          bd_circulation_ends(&settling->circulation, sim, settling->options.tolerance)) {
+        code = check_rest(settling);
+      }
       if (stepper->method->implicit) {
         sim->stepper.rate_known = sim->stepper.jacobian_known = 0; /* the look used their scratch */
       }
@@ -469,7 +424,8 @@ static void carve(bd_carver *carver, bd_settling *settling, const bd_layout *lay
   BD_CARVE(carver, settling->offset, 2 * lay->np);
 }
 
-static bd_settling *new_settling(const bd_model *model, const bd_method *method) {
+static bd_settling *new_settling(const bd_model *model, const bd_method *method, int friction) {
+  const bd_method *last = friction ? NULL : bd_method_find("lie"); /* bd_find_equilibrium */
   bd_carver carver = {0};
   bd_settling sizes, *settling;
   bd_carve(&carver, 1, sizeof *settling);
@@ -481,7 +437,7 @@ static bd_settling *new_settling(const bd_model *model, const bd_method *method)
   carver = (bd_carver){.base = block};
   settling = bd_carve(&carver, 1, sizeof *settling);
   carve(&carver, settling, &model->lay);
-  settling->sim = bd_sim_new(model, method, NULL, NULL);
+  settling->sim = bd_sim_new(model, method, last, NULL);
   if (!settling->sim) {
     bd_block_free(settling);
     return NULL;
@@ -505,7 +461,7 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
   }
   double step, flow = flow_of(model, options->speed);
   const bd_method *method = method_for(model, options->friction, flow, &step);
-  bd_settling *settling = new_settling(model, method);
+  bd_settling *settling = new_settling(model, method, options->friction);
   if (!settling) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
   }
@@ -527,7 +483,7 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
     bd_settle_free(settling);
     return code;
   }
-  stop(settling->sim, stepper->y);
+  bd_stop(settling->sim, stepper->y);
   if (!stepper->plan.friction_on) {
     for (int f = F_MU; f < bd_f_slip(&model->lay, model->lay.slots); ++f) {
       memset(bd_field(&model->lay, stepper->y, f), 0, (size_t)model->lay.n * sizeof *stepper->y);
