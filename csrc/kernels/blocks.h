@@ -150,8 +150,9 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
           ry = fma_(load_unaligned(slot->given_y + k + 1), after, ry);
         }
       }
-      x += fx;
-      y += fy;
+      const mask link = less(lane_numbers(), splat(lay->n - i)); /* the first comes again behind */
+      x += where(link, fx);
+      y += where(link, fy);
       if (belt != STRING) {
         const vec half = splat(0.5);
         const link_force f = force_of_ends(load(tangent->cos + i), load(tangent->sin + i),
