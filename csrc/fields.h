@@ -93,8 +93,8 @@
   BD_BELT(X)                                                                                       \
   BD_PULLEY(X)                                                                                     \
   BD_DRAG(X)                                                                                       \
-  BD_ARM(X) BD_SLIDER(X) BD_ISOLATOR(X) BD_CLUTCH(X) BD_DAMPER(X) BD_CONTACT(X)                    \
-      BD_LAWS(BD_LAW_PARAMETERS)
+  BD_ARM(X)                                                                                        \
+  BD_SLIDER(X) BD_ISOLATOR(X) BD_CLUTCH(X) BD_DAMPER(X) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
 
 /* The C type of a parameter under a rule. */
 #define BD_TYPE_POSITIVE double
