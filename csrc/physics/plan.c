@@ -21,9 +21,10 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   double **const scratch[] = {&links->cos, &links->sin, &links->rx,
                               &links->ry,  &links->fx,  &links->fy};
   for (size_t k = 0; k < sizeof scratch / sizeof scratch[0]; ++k) {
-    /* the directions are kept, with the rate that they belong to */
-    *scratch[k] =
-        (k < 2 ? bd_carve_kept : bd_carve)(carver, (size_t)lay->stride, sizeof **scratch[k]);
+    /* the directions are kept, with the rate that they belong to; the last vector of what is one
+     * node further reads a number behind them */
+    const size_t count = (size_t)lay->stride + BD_HALO;
+    *scratch[k] = (k < 2 ? bd_carve_kept : bd_carve)(carver, count, sizeof **scratch[k]);
     if (carver->base) {
       *scratch[k] += BD_HALO;
     }
