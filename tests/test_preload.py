@@ -223,7 +223,7 @@ def test_a_tension_that_no_length_gives(monkeypatch: pytest.MonkeyPatch) -> None
     belt = attrs.evolve(
         params.belt, length=None, preload=3.0, n_bodies=60, bending_stiffness=0.0, mesh="joint"
     )
-    with pytest.raises(ValueError, match=r"3 N cannot be met .* is 3\.1\d* N\. .* weight"):
+    with pytest.raises(ValueError, match=r"3 N cannot be met .* is 3\.[01]\d* N\. .* weight"):
         bd.settle(attrs.evolve(params, belt=belt))
 
 
