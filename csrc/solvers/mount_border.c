@@ -72,7 +72,7 @@ static double drag_of(const bd_newton_system *system, const bd_plan *plan, int m
 double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
                       double g) {
   const bd_layout *lay = &plan->model->lay;
-  const int of_row = row >= lay->np && row < lay->np + lay->nm;
+  const int of_row = bd_is_mount_body(lay, row);
   const int m = (of_row ? row : column) - lay->np, j = lay->mounted[m];
   const int other = of_row ? column : row;
   const bd_mount_border *border = &system->mounts[m];

@@ -52,6 +52,17 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
 
+/* Whether a body, shafts first, then mounts, then rims and rings of couplings, is a mount. */
+static inline int bd_is_mount_body(const bd_layout *lay, int body) {
+  return body >= lay->np && body < lay->np + lay->nm;
+}
+
+/* The part of a body's column that the ring takes: T^-1 B, three blocks. */
+static inline double *bd_newton_border(const bd_newton_system *system, const bd_layout *lay,
+                                       int body) {
+  return system->border + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
+}
+
 /* A row of a body times vectors by node, where contact along the links with pulley j is near. */
 double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
                      const double *const *v);
