@@ -205,7 +205,9 @@ static void settles_and_runs(void) {
   const bd_torque torque = {.n_terms = 1, .terms = &term, .n_breakpoints = 1, .breakpoints = more};
   enum { SAMPLES = 7 };
   double times[SAMPLES] = {0, 0.3e-3, 0.5e-3, 1e-3, 1e-3, 2.5e-3, 4e-3};
-  static double rows[24][SAMPLES * N], energy[SAMPLES * BD_N_ENERGY];
+#define X(name, group, size, unit, text) +1
+  static double rows[0 BD_OUTPUTS(X)][SAMPLES * N], energy[SAMPLES * BD_N_ENERGY];
+#undef X
   static int32_t touched[SAMPLES * N];
   bd_output out = {.pulley = touched};
   int k = 0;
