@@ -105,9 +105,12 @@ def test_next_to_nothing_changes_nothing_but_rounding(name: str, mesh: str) -> N
     start = bd.settle(params)
     runs = []
     for one in (params, effect.tiny(params)):
-        at_rest = np.zeros(len(one.mounted))
-        fields = ("travel", "travel_speed", "mount_friction")
-        begin = attrs.evolve(start, **dict.fromkeys(fields, at_rest))
+        at_rest, untwisted = np.zeros(len(one.mounted)), np.zeros(len(one.coupled))
+        begin = attrs.evolve(
+            start,
+            **dict.fromkeys(("travel", "travel_speed", "mount_friction"), at_rest),
+            **dict.fromkeys(("rim_angle", "rim_speed", "windup"), untwisted),
+        )
         runs.append(bd.simulate(one, torque, T_END, initial=begin, method="rk4", step=2e-6))
     off, on = runs
     assert len(on.effects) == len(off.effects) + effect.passes
