@@ -41,6 +41,7 @@ __all__ = [
     "tension_off",
     "torque",
     "used",
+    "windup",
     "within",
 ]
 
@@ -184,6 +185,11 @@ def _led(report: Told) -> bool:
 def torque(report: Told, row: PulleyRow) -> tuple[str, str, str]:
     """Give mean, least and most of the torque that is set, or that a speed needs."""
     return placed(row.torque, 0.0 if given(row.torque) else _of_loads(report.accuracy))
+
+
+def windup(report: Told, row: PulleyRow) -> tuple[str, str, str]:
+    """Give mean, least and most of the windup of a coupling in degrees, in error as its torque."""
+    return placed(row.windup, _of_loads(report.accuracy), math.degrees(1.0))
 
 
 def belt_torque(report: Told, row: PulleyRow) -> str:

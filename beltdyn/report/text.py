@@ -124,9 +124,8 @@ def couplings(report: Told) -> tuple[str, ...]:
     for row in report.pulleys:
         if row.windup is None:
             continue
-        ends = row.windup.mean, row.windup.least, row.windup.most
-        mean, least, most = map(math.degrees, ends)
-        text = f"Coupling of {row.name}: windup {mean:.3g} deg ({least:.3g} to {most:.3g})"
+        mean, *ends = digits.windup(report, row)
+        text = f"Coupling of {row.name}: windup {mean} deg ({between(ends)})"
         if row.overruns is not None:
             text += f", overruns {100.0 * row.overruns:.0f} % of the time"
         remarks.append(f"{text}; speed, torque and power are those of its shaft.")
