@@ -20,9 +20,10 @@ __all__ = ["Coupling", "Isolator", "OverrunningClutch", "TorsionalDamper", "coup
 
 
 class _Joined(Printable):
-    """What they have in common."""
+    """What they have in common; the part that turns beside the shaft is the rim or a ring."""
 
     __slots__ = ()
+    _part = "rim"
 
     def _numbers(self, group: str) -> tuple[str, tuple[float, ...]]:
         """Give the group and the numbers of the core's struct."""
@@ -96,7 +97,9 @@ class OverrunningClutch(_Joined):
 class TorsionalDamper(_Joined):
     """A free ring on a pulley, held by a spring and a damper: a torsional vibration damper.
 
-    Without a spring it is a viscous damper, as of Houdaille. Belt and torques act on the pulley.
+    Without a spring it is a viscous damper, as of Houdaille. Belt and torques act on the pulley. On
+    one whose motion is prescribed it changes nothing but the torque that this motion needs: give
+    the crank a torque, or the damper to another pulley. ``result.couplings`` has the ring as rim.
 
     Attributes:
         inertia: Of the ring [kg m^2], > 0; the pulley's own is that of the rest.
@@ -110,6 +113,7 @@ class TorsionalDamper(_Joined):
     inertia: float
     stiffness: float
     damping: float = 0.0
+    _part = "ring"
 
     def _to_core(self) -> tuple[str, tuple[float, ...]]:
         return self._numbers("damper")

@@ -12,6 +12,7 @@ import numpy as np
 
 from . import _core, npz
 from .checks import Array, real, real_array
+from .couplings import OverrunningClutch
 from .naming import ByPulley, by_index, key, labels
 from .params import Params
 from .spans import span_tension
@@ -214,7 +215,7 @@ class State:
         return f"State(t={self.t:.6g}, {self.n_bodies} links, {self.n_pulleys} pulley(s){at_rest})"
 
     def check_fits(self, params: Params, argument: str = "initial") -> None:
-        """Raise ValueError unless the state has the links, pulleys and mounts of a drive."""
+        """Raise ValueError unless the state can be one of a drive, by its shapes and clutches."""
         sizes = {
             "PULLEYS": len(params.pulleys),
             "MOUNTS": len(params.mounted),
@@ -225,6 +226,12 @@ class State:
             expected = (sizes.get(size, params.belt.n_bodies),)
             if shape[-1:] != expected:
                 raise ValueError(f"{argument}.{name} must have shape {expected}, got {shape}")
+        for k, windup in zip(params.coupled, self.windup, strict=True):
+            if isinstance(params.pulleys[k].coupling, OverrunningClutch) and windup < -1e-9:
+                raise ValueError(
+                    f"{argument}.windup of a clutch must be >= 0 (rad), got {windup:g} of that of "
+                    f"{params.label(k)}"
+                )
 
     def tension(self, params: Params) -> Tensions:
         """Give the tensions of the belt, as a run reports them (``result.span_tension``).

@@ -7,6 +7,7 @@ is known in closed form.
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -188,7 +189,7 @@ def test_modes_are_those_of_two_inertias_and_of_a_clutch_as_it_stands() -> None:
     assert abs(found.eigenvalue[k]) == pytest.approx(rate, rel=1e-6)
     assert found.damping[k] == pytest.approx(0.5 * DAMPING / inertia / rate, rel=1e-5)
     assert found.participation.pulleys[k, 1] == pytest.approx(1.0, abs=1e-6)
-    assert "rotation of pulley 1" in found.names[k]
+    assert "rotation of hub of pulley 1" in found.names[k]
     for wound, there in ((0.01, True), (0.0, False)):
         params = two(DECOUPLER, friction=None)
         state = turning(params, 0.1 if not there else 0.0, 0.0, wound)
@@ -538,3 +539,31 @@ def test_a_broken_rule_is_named(fields_of: dict[str, float], said: str) -> None:
         bd.Isolator(**data)
     with pytest.raises(TypeError, match=r"pulley\.coupling must be an Isolator"):
         two(3.0)
+
+
+def test_what_stands_is_not_wound_up_and_clutches_never_are_backwards() -> None:
+    """Settled from a run that wound a spring up, hub and rim do not push against each other."""
+    params = two(ISOLATOR)
+    push = bd.PiecewiseLinear([0.0], [[-2.0, 2.0]])
+    run = bd.simulate(params, push, 0.02)
+    assert abs(run.final_state.windup[0]) > 0.05
+    rest = bd.settle(params, initial=run.final_state)
+    assert rest.windup[0] == 0.0
+    params = two(DECOUPLER)
+    backwards = attrs.evolve(bd.settle(params), windup=[-0.1])
+    with pytest.raises(ValueError, match=r"^initial\.windup of a clutch must be >= 0 \(rad\)"):
+        bd.simulate(params, NO_TORQUE, 1e-3, initial=backwards)
+
+
+def test_a_clutch_that_never_drives_is_asked_about() -> None:
+    params = two(BACKWARDS)
+    load = bd.PiecewiseLinear([0.0], [-1.0], pulley=1)
+    times = np.linspace(0.01, 0.02, 21)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", bd.BeltdynWarning)
+        run = bd.simulate(
+            params, load, 0.02, {0: bd.PiecewiseLinear([0.0], [20.0])}, t_eval=times,
+            initial=bd.settle(params, speed={0: 20.0}),
+        )  # fmt: skip
+    text = run.report(0.999).text()
+    assert "drives nothing: is it to drive the other way round" in " ".join(text.split())

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 import random_drives
 from bridge import fields, oracle_of
+from laws import with_laws
+from mounted_drives import both
 
 import beltdyn as bd
 from beltdyn import _core
@@ -318,3 +320,11 @@ def test_a_bad_tensioning_is_named() -> None:
     ):
         with pytest.raises(error, match=message):
             attrs.evolve(PLAIN, tensioning=bd.Tensioning(**wrong))
+
+
+def test_laws_of_two_scales_beside_pulleys_without_come_to_rest() -> None:
+    """Where no pulley of a row of friction states has a law, these weigh nothing in the error."""
+    law = bd.ElasticPlastic(mu=0.8, stiffness=2e7, damping=400.0)
+    params = with_laws(both(n_bodies=36), law, None, law, None)
+    assert int(params.info["n_slots"]) > 1
+    assert bd.settle(params).residual <= 1e-8

@@ -126,7 +126,9 @@ def speeds(
     ax, which = pulley_lines(result, pulleys, result.pulleys.omega, ax, line)
     for c, k in enumerate(result.params.coupled):
         if k in which and result.couplings is not None:
-            name = f"rim of {style.plain(result.pulleys.names[k])}"
+            coupling = result.params.pulleys[k].coupling
+            part = "rim" if coupling is None else coupling._part
+            name = f"{part} of {style.plain(result.pulleys.names[k])}"
             look = line | {"linestyle": ":"}
             lines(ax, [(k, name, result.t, result.couplings.rim_speed[:, c])], look)
     style.dress(ax, _TIME, "angular velocity [rad/s]")

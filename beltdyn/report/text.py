@@ -128,7 +128,11 @@ def couplings(report: Told) -> tuple[str, ...]:
         text = f"Coupling of {row.name}: windup {mean} deg ({between(ends)})"
         if row.overruns is not None:
             text += f", overruns {100.0 * row.overruns:.0f} % of the time"
-        remarks.append(f"{text}; speed, torque and power are those of its shaft.")
+        if row.overruns == 1.0:
+            text += " and drives nothing: is it to drive the other way round (clockwise)?"
+        remarks.append(
+            f"{text}; speed, torque and power are those of its shaft, lost % those of its rim."
+        )
     return tuple(remarks)
 
 

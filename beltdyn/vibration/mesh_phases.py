@@ -69,7 +69,9 @@ def states_over(
             k: PiecewiseLinear([state.t, state.t + 0.25 * turn], [0.0, float(speeds[k])])
             for k in driven
         }
-        resisting = Viscous(DAMPING * rate * inertia)
+        # on a pulley whose motion is set torques have no effect
+        free = ~np.isin(np.arange(inertia.size), driven)
+        resisting = Viscous(DAMPING * rate * inertia * free)
         torque = _sum(torque, resisting)
         time = turn / phases
         states = [_after(params, state, torque, motion, 0.5 * turn)]

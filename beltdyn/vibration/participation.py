@@ -220,17 +220,41 @@ def _first(free: NDArray[np.intp], n: int) -> int:
 def _rotation(
     params: Params, linear: Linear, vector: Complex, shares: Participation, k: int
 ) -> str:
-    most = int(np.argmax(shares.pulleys[k]))
-    radii = params.route.senses * np.array([pulley.radius for pulley in params.pulleys])
-    rim = radii * linear.field(vector, "theta")[:, 0]
-    opposite = (rim * np.conj(rim[most])).real < 0.0
+    names, share, move = _rotating(params, linear, vector, shares.pulleys[k])
+    most = int(np.argmax(share))
+    opposite = (move * np.conj(move[most])).real < 0.0
     against: Sequence[str] = []
     if opposite.any():
-        other = int(np.argmax(np.where(opposite, shares.pulleys[k], -1.0)))
-        if shares.pulleys[k, other] > 0.01 * shares.pulleys[k, most]:
-            against = [params.pulley_names[other]]
+        other = int(np.argmax(np.where(opposite, share, -1.0)))
+        if share[other] > 0.01 * share[most]:
+            against = [names[other]]
     elif linear.prescribed:
         against = [params.pulley_names[j] for j in linear.prescribed[:1]]
-    return f"rotation of {params.pulley_names[most]}" + (
-        f" against {against[0]}" if against else ""
-    )
+    return f"rotation of {names[most]}" + (f" against {against[0]}" if against else "")
+
+
+def _rotating(
+    params: Params, linear: Linear, vector: Complex, shares: Array
+) -> tuple[list[str], Array, Complex]:
+    """Give names, energies and moves at the rim of what turns: pulleys, of coupled ones both parts.
+
+    The energy of a pulley is that of both; it goes to each by its inertia.
+    """
+    names, coupled = list(params.pulley_names), list(params.coupled)
+    radii = params.route.senses * np.array([pulley.radius for pulley in params.pulleys])
+    theta = linear.field(vector, "theta")[:, 0]
+    if not coupled:
+        return names, shares, radii * theta
+    other = linear.field(vector, "rim_angle")[:, 0]
+    of_shaft = params.shaft_inertias[coupled] * abs(theta[coupled]) ** 2
+    of_other = params.coupled_inertias * abs(other) ** 2
+    part = of_other / np.maximum(of_shaft + of_other, 1e-300)
+    for k in coupled:
+        coupling = params.pulleys[k].coupling
+        kind = "rim" if coupling is None else coupling._part
+        names.append(f"{kind} of {names[k]}")
+        names[k] = f"hub of {names[k]}" if kind == "rim" else names[k]
+    split = shares.copy()
+    split[coupled] *= 1.0 - part
+    moves = np.concatenate([radii * theta, radii[coupled] * other])
+    return names, np.concatenate([split, shares[coupled] * part]), moves

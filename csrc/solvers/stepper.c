@@ -73,6 +73,7 @@ void bd_stepper_weigh_friction(bd_stepper *stepper) {
         least = fmin(least, 1.0 / bd_friction_state_scale(model, j, element));
       }
     }
+    least = isfinite(least) ? least : 0.0; /* no law is here, no state moves */
     for (int i = 0; i < lay->n; ++i) {
       const int j = (int)owner[i];
       w[i] = j >= 0 ? 1.0 / bd_friction_state_scale(model, j, element) : least;
