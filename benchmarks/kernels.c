@@ -402,7 +402,8 @@ static void open_bench(bench *b, const drive *d) {
   bd_carver carver = {0};
   bench sizes = *b;
   carve(&carver, &sizes, &torque);
-  carver = (bd_carver){.base = bd_block_new(carver.used)};
+  char *block = bd_block_new(carver.used + carver.n_kept);
+  carver = (bd_carver){.base = block, .kept = block + carver.used};
   carve(&carver, b, &torque);
   double turns;
   if (bd_state_import(model, &copy.state, b->y, &turns, &err) != BD_OK) {

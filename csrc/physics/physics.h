@@ -278,7 +278,7 @@ void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_EN
 int bd_paths_enabled(const bd_model *model, const bd_plan_options *options);
 int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 
-/* --- coupling.c ------------------------------------------------------------------------------- */
+/* --- couplings.c ------------------------------------------------------------------------------ */
 
 int bd_couplings_enabled(const bd_model *model, const bd_plan_options *options);
 const char *bd_couplings_label(const bd_plan *plan);

@@ -18,7 +18,7 @@
  * knows no neighbours, has loops of its own, which take less time.
  *
  * Bodies of one degree of freedom are the shafts, one of each pulley, after them the mounts
- * (mount_border.c), and the rims and rings of couplings (physics/coupling.c). One whose motion is
+ * (mount_border.c), and the rims and rings of couplings (physics/couplings.c). One whose motion is
  * prescribed has k_v = b_v for its row, and acts on the rest by its column as any other.
  *
  * Joint on the left of link i, e = (cos, sin) of its direction, e' across it, S = [1, -e'] at its
