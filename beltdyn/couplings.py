@@ -23,12 +23,14 @@ class _Joined(Printable):
     """What they have in common; the part that turns beside the shaft is the rim or a ring."""
 
     __slots__ = ()
+    _group = ""
     _part = "rim"
 
-    def _numbers(self, group: str) -> tuple[str, tuple[float, ...]]:
-        """Give the group and the numbers of the core's struct."""
-        values = (getattr(self, name) for name in rules_of(group))
-        return group, tuple(int(v) if isinstance(v, bool) else float(v or 0.0) for v in values)
+    def _to_core(self) -> tuple[str, tuple[float, ...]]:
+        values = (getattr(self, name) for name in rules_of(self._group))
+        return self._group, tuple(
+            int(v) if isinstance(v, bool) else float(v or 0.0) for v in values
+        )
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("isolator"))
@@ -50,12 +52,10 @@ class Isolator(_Joined):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _group = "isolator"
     inertia: float
     stiffness: float
     damping: float = 0.0
-
-    def _to_core(self) -> tuple[str, tuple[float, ...]]:
-        return self._numbers("isolator")
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("clutch"))
@@ -84,13 +84,11 @@ class OverrunningClutch(_Joined):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _group = "clutch"
     inertia: float
     stiffness: float | None = None
     damping: float | None = None
     clockwise: bool = False
-
-    def _to_core(self) -> tuple[str, tuple[float, ...]]:
-        return self._numbers("clutch")
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("damper"))
@@ -110,13 +108,11 @@ class TorsionalDamper(_Joined):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _group = "damper"
     inertia: float
     stiffness: float
     damping: float = 0.0
     _part = "ring"
-
-    def _to_core(self) -> tuple[str, tuple[float, ...]]:
-        return self._numbers("damper")
 
 
 Coupling: TypeAlias = Isolator | OverrunningClutch | TorsionalDamper
