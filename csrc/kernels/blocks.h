@@ -4,8 +4,8 @@
  * bodies, states of friction. Compiled once per instruction level, in jacobian.h.
  */
 
-/* Belts by what their nodes are. */
-enum { LINKS, STRING };
+/* Belts by what contact acts on: links along their length, links at their centres, masses. */
+enum { LINKS, CENTRES, STRING };
 
 /* Entry e, by rows, of a block of node i and those from there on: 0 back, 1 diagonal, 2 ahead. */
 INLINE double *entry_of(double *tiles, const int d, int i, const int place, const int e) {
@@ -126,7 +126,7 @@ INLINE int moves_point(const int m, const int belt) {
 }
 
 INLINE int is_angle(const int m, const int belt) {
-  return belt != STRING && m % 3 == 2;
+  return belt == LINKS && m % 3 == 2;
 }
 
 /* What given states of friction, whose halo ahead is set, are worth at the nodes; adds to sums
@@ -144,7 +144,7 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
         fx = fma_(load(slot->given_x + k), z, fx);
         fy = fma_(load(slot->given_y + k), z, fy);
         torque = fma_(load(slot->given_torque + k), z, torque);
-        if (belt != STRING) {
+        if (belt == LINKS) {
           const vec after = load_unaligned(cz + k + 1);
           rx = fma_(load_unaligned(slot->given_x + k + 1), after, rx);
           ry = fma_(load_unaligned(slot->given_y + k + 1), after, ry);
@@ -153,7 +153,7 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
       const mask link = less(lane_numbers(), splat(lay->n - i)); /* the first comes again behind */
       x += where(link, fx);
       y += where(link, fy);
-      if (belt != STRING) {
+      if (belt == LINKS) {
         const vec half = splat(0.5);
         const link_force f = force_of_ends(load(tangent->cos + i), load(tangent->sin + i),
                                            half * fx, half * fy, half * rx, half * ry);
@@ -175,13 +175,13 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
 INLINE vec point_row(double *const *q, double *const *v, int k, const double *cq, const double *cv,
                      const double *move, int stride, int i, vec total, const int own,
                      const int belt) {
-  const int d = belt == STRING ? 2 : 3;
+  const int d = belt == STRING ? 2 : 3, centres = belt == CENTRES;
   vec other = splat(0.0);
-  for (int m = 0; m < 6; ++m) {
+  for (int m = 0; m < (centres ? 2 : 6); ++m) {
     if (own && !moves_point(m, belt)) {
       continue;
     }
-    const int at = m % d * stride + i + m / d - 1;
+    const int at = m % d * stride + i + (centres ? 0 : m / d - 1);
     vec x = load_unaligned(cq + at), s = load_unaligned(cv + at);
     if (move && !is_angle(m, belt)) {
       x += splat(move[m % d]);
@@ -220,10 +220,6 @@ INLINE void restore_states(const int belt, const bd_layout *lay, int n_runs, con
                                     const double *cv, const double *mass, double *const *r) {      \
     blocks_product(d, lay, q, cq, cv, mass, r);                                                    \
   }                                                                                                \
-  static double row_runs_##belt(const bd_layout *lay, int n_runs, const bd_run *runs,              \
-                                const double *row, const double *const *v) {                       \
-    return row_runs(d, lay, n_runs, runs, row, v);                                                 \
-  }                                                                                                \
   static void add_column_##belt(const bd_layout *lay, int n_runs, const bd_run *runs,              \
                                 const double *column, double factor, double *const *r) {           \
     add_column(d, lay, n_runs, runs, column, factor, r);                                           \
@@ -236,7 +232,11 @@ INLINE void restore_states(const int belt, const bd_layout *lay, int n_runs, con
 NODES(links, 3)
 NODES(string, 2)
 
-#define SOLVES(belt, of)                                                                           \
+#define SOLVES(belt, of, d)                                                                        \
+  static double row_runs_##of(const bd_layout *lay, int n_runs, const bd_run *runs,                \
+                              const double *row, const double *const *v) {                         \
+    return row_runs(d, lay, n_runs, runs, row, v);                                                 \
+  }                                                                                                \
   static void states_product_##of(const bd_layout *lay, const bd_tangent *tangent, int n_runs,     \
                                   const bd_run *runs, int states, const bd_slot *slot,             \
                                   const double *cz, double *const *to, double *sums) {             \
@@ -254,5 +254,6 @@ NODES(string, 2)
                      cslip);                                                                       \
     }                                                                                              \
   }
-SOLVES(LINKS, links)
-SOLVES(STRING, string)
+SOLVES(LINKS, links, 3)
+SOLVES(CENTRES, centres, 2)
+SOLVES(STRING, string, 2)

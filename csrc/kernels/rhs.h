@@ -515,7 +515,8 @@ static double error_norm(const bd_layout *lay, double h, int m, const double *e,
   return INFINITY; /* no such number of vectors */
 }
 
-extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL), PASTE(bd_newton_string_, BD_LEVEL);
+extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL), PASTE(bd_newton_centres_, BD_LEVEL),
+    PASTE(bd_newton_string_, BD_LEVEL);
 
 /* Of links, and of a string, whose joints have no bending. */
 #define STRING2(a) #a
@@ -551,6 +552,7 @@ static const bd_kernels string_kernels = {
 const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
     SHARED,
     .newton = &PASTE(bd_newton_, BD_LEVEL),
+    .centres = &PASTE(bd_newton_centres_, BD_LEVEL),
     .string = &string_kernels,
     .joints = {{joints_00, joints_01}, {joints_10, joints_11}},
     .contact = {{contact_NONE_0, contact_NONE_1}, BD_LAWS(CENTRES)},

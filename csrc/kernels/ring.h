@@ -26,7 +26,7 @@ enum { REDUCTIONS = WIDTH == 8 ? 3 : WIDTH == 4 ? 2 : WIDTH == 2 ? 1 : 0 };
 /* What a row keeps for the solves. */
 typedef struct ring_row {
   vec inverse[9];      /* D^-1, D the diagonal block */
-  vec back[9];         /* coupling to the link behind: q, k e', corner; or all of it (full) */
+  vec back[9];         /* coupling to the link behind */
   vec to_separator[9]; /* E: coupling of the separator before the arc to this row */
   vec next[9];         /* D^-1 U: what the link forward is worth here */
   vec left[9];         /* D^-1 F: the same of the separator before the arc */
@@ -105,19 +105,6 @@ INLINE void take_column(const vec *a, const vec *x, vec *out, const int step) {
       out[step * i] = fnma_(a[3 * i + j], x[step * j], out[step * i]);
     }
   }
-}
-
-/* out -= L x for one column of x: L is the coupling to the link behind */
-INLINE void take_behind(const vec *back, vec k, const vec *x, vec *out, const int step,
-                        const int full) {
-  if (full) {
-    take_column(back, x, out, step);
-    return;
-  }
-  const vec x0 = x[0], x1 = x[step], x2 = x[2 * step];
-  out[0] = fnma_(back[0], x2, fma_(k, x0, out[0]));
-  out[step] = fnma_(back[1], x2, fma_(k, x1, out[step]));
-  out[2 * step] = fnma_(back[4], x2, fnma_(back[3], x1, fnma_(back[2], x0, out[2 * step])));
 }
 
 /* out -= a b */
@@ -279,41 +266,12 @@ INLINE void separators_solve(const ring_ends *ends, vec *r, vec *u) {
 
 /* --- factorisation --------------------------------------------------------------------------- */
 
-/* What the couplings of a link need of it. */
-typedef struct ring_link {
-  vec ex, ey; /* e' */
-  vec qx, qy;
-} ring_link;
-
-INLINE ring_link link_of(const bd_blocks *b, const ptrdiff_t *at, const int j, vec k, vec spin) {
-  const vec c = gather(b->cos + j, at), s = gather(b->sin + j, at);
-  const vec turn = spin * gather(b->spin + j, at);
-  return (ring_link){.ex = -s, .ey = c, .qx = fma_(k, s, turn * c), .qy = fnma_(k, c, turn * s)};
-}
-
-/* Coupling of a link to the one behind it, and of that one to it. */
-INLINE void couple(const ring_link *behind, const ring_link *here, vec k, vec bending, vec *back,
-                   vec *forward) {
-  forward[0] = forward[4] = -k;
-  forward[1] = forward[3] = splat(0.0);
-  forward[2] = -here->qx;
-  forward[5] = -here->qy;
-  forward[6] = -k * behind->ex;
-  forward[7] = -k * behind->ey;
-  forward[8] = -fma_(behind->ex, here->qx, behind->ey * here->qy) - bending;
-  back[0] = behind->qx;
-  back[1] = behind->qy;
-  back[2] = k * here->ex;
-  back[3] = k * here->ey;
-  back[4] = -fma_(here->ex, behind->qx, here->ey * behind->qy) - bending;
-}
-
 /* Where the arcs' rows j stand in tiles of d x d blocks, and the nodes behind them. */
-INLINE void tiles_of(const bd_blocks *b, const ptrdiff_t *at, const int j, const int d,
+INLINE void tiles_of(const bd_ring *ring, const ptrdiff_t *at, const int j, const int d,
                      ptrdiff_t *here, ptrdiff_t *behind) {
   const ptrdiff_t tile = 3 * d * d * BD_LANES;
   for (int a = 0; a < WIDTH; ++a) {
-    const ptrdiff_t i = at[a] + j, l = i > 0 ? i - 1 : b->n - 1;
+    const ptrdiff_t i = at[a] + j, l = i > 0 ? i - 1 : ring->n - 1;
     here[a] = i / BD_LANES * tile + i % BD_LANES;
     behind[a] = l / BD_LANES * tile + l % BD_LANES;
   }
@@ -326,30 +284,21 @@ typedef struct elimination {
   vec d[9], lu[9], left[9], to_separator[9], own[9];
 } elimination;
 
-/* A row's blocks where they are full, and what couples the one behind to it. */
-INLINE void load_row(elimination *e, const bd_blocks *b, const ptrdiff_t *at, const int j,
-                     vec *back, vec *forward) {
+/* A row's blocks, and what couples the one behind to it. */
+INLINE void load_row(elimination *e, const bd_ring *ring, const double *w, const ptrdiff_t *at,
+                     const int j, vec *back, vec *forward) {
   ptrdiff_t here[WIDTH], behind[WIDTH];
-  tiles_of(b, at, j, 3, here, behind);
+  tiles_of(ring, at, j, 3, here, behind);
   for (int i = 0; i < 9; ++i) {
-    back[i] = gather(b->tiles + i * BD_LANES, here);
-    e->d[i] = gather(b->tiles + (9 + i) * BD_LANES, here);
-    forward[i] = gather(b->tiles + (18 + i) * BD_LANES, behind);
+    back[i] = gather(w + i * BD_LANES, here);
+    e->d[i] = gather(w + (9 + i) * BD_LANES, here);
+    forward[i] = gather(w + (18 + i) * BD_LANES, behind);
   }
 }
 
-INLINE void set_diagonal(elimination *e, const bd_blocks *b, const ptrdiff_t *at, const int j) {
-  e->d[0] = gather(b->xx + j, at);
-  e->d[1] = gather(b->xy + j, at);
-  e->d[3] = gather(b->yx + j, at);
-  e->d[4] = gather(b->yy + j, at);
-  e->d[8] = gather(b->pp + j, at);
-  e->d[2] = e->d[5] = e->d[6] = e->d[7] = splat(0.0);
-}
-
 /* Frees a row of the one behind it, which keeps what the solves need. */
-INLINE void eliminate_behind(elimination *e, ring_row *behind, const vec *back, const vec *forward,
-                             vec k, const int full) {
+INLINE void eliminate_behind(elimination *e, ring_row *behind, const vec *back,
+                             const vec *forward) {
   vec next[9], over[9], left[9], to_separator[9];
   for (int c = 0; c < 3; ++c) {
     substitute(e->lu, forward + c, next + c, 3);
@@ -361,10 +310,8 @@ INLINE void eliminate_behind(elimination *e, ring_row *behind, const vec *back, 
     behind->left[i] = over[i];
     behind->to_separator[i] = e->to_separator[i];
   }
-  for (int c = 0; c < 3; ++c) {
-    take_behind(back, k, next + c, e->d + c, 3, full);
-    take_behind(back, k, over + c, left + c, 3, full);
-  }
+  take_product(back, next, e->d);
+  take_product(back, over, left);
   take_product(e->to_separator, next, to_separator);
   take_product(e->to_separator, over, e->own);
   for (int i = 0; i < 9; ++i) {
@@ -375,49 +322,34 @@ INLINE void eliminate_behind(elimination *e, ring_row *behind, const vec *back, 
 
 /* Where an arc begins, its first link meets the separator before it; begins: 1 where this row is
  * that link. */
-INLINE void meet_separator(elimination *e, vec begins, const vec *back, const vec *forward, vec k,
-                           const int full) {
-  const vec zero = splat(0.0);
-  const vec block[9] = {-k, zero, back[0], zero, -k, back[1], back[2], back[3], back[4]};
+INLINE void meet_separator(elimination *e, vec begins, const vec *back, const vec *forward) {
   for (int i = 0; i < 9; ++i) {
-    e->left[i] = fma_(begins, full ? back[i] : block[i], e->left[i]);
+    e->left[i] = fma_(begins, back[i], e->left[i]);
     e->to_separator[i] = fma_(begins, forward[i], e->to_separator[i]);
   }
 }
 
-INLINE void ring_factor(const bd_ring *ring, const bd_blocks *b, const int full) {
+static void ring_factor(const bd_ring *ring, const double *w) {
   ring_row *const row = ring->rows;
   const int m = ring->n_rows;
   ptrdiff_t at[WIDTH];
   places_of(ring, at);
-  const vec k = splat(b->k), bending = splat(b->bending), spin = splat(b->damping);
   const vec shorter = load(ring->shorter), whole = 1.0 - shorter;
-  ring_link behind;
-  if (!full) {
-    behind = link_of(b, at, -1, k, spin);
-  }
   elimination e;
   for (int i = 0; i < 9; ++i) {
     e.left[i] = e.to_separator[i] = e.own[i] = e.lu[i] = splat(0.0);
   }
   for (int j = 0; j < m; ++j) {
     vec *const back = row[j].back, forward[9], coupled[9];
-    if (full) {
-      load_row(&e, b, at, j, back, forward);
-    } else {
-      const ring_link here = link_of(b, at, j, k, spin);
-      couple(&behind, &here, k, bending, back, forward);
-      set_diagonal(&e, b, at, j);
-      behind = here;
-    }
+    load_row(&e, ring, w, at, j, back, forward);
     if (j > 0) {
       for (int i = 0; i < 9; ++i) {
         coupled[i] = j == 1 ? whole * forward[i] : forward[i];
       }
-      eliminate_behind(&e, &row[j - 1], back, coupled, k, full);
+      eliminate_behind(&e, &row[j - 1], back, coupled);
     }
     if (j < 2) {
-      meet_separator(&e, j == 0 ? whole : shorter, back, forward, k, full);
+      meet_separator(&e, j == 0 ? whole : shorter, back, forward);
     }
     if (j == 0) { /* rows of the identity */
       for (int i = 0; i < 9; ++i) {
@@ -441,14 +373,13 @@ INLINE void ring_factor(const bd_ring *ring, const bd_blocks *b, const int full)
 /* --- solve ----------------------------------------------------------------------------------- */
 
 /* x, y, p: right-hand side in, solution out. */
-INLINE void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y, double *p,
-                       const int full) {
+static void ring_solve(const bd_ring *ring, double *x, double *y, double *p) {
   const ring_row *const row = ring->rows;
   vec *const z = ring->scratch;
   const int m = ring->n_rows;
   ptrdiff_t at[WIDTH];
   places_of(ring, at);
-  const vec k = splat(k_joint), zero = splat(0.0);
+  const vec zero = splat(0.0);
   const vec shorter = load(ring->shorter);
   double *const fields[] = {x, y, p};
   vec r[3], own[3] = {zero, zero, zero}, v[3] = {zero, zero, zero};
@@ -459,7 +390,7 @@ INLINE void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y
         r[i] = fnma_(shorter, r[i], r[i]);
       }
     }
-    take_behind(row[j].back, k, v, r, 1, full);
+    take_column(row[j].back, v, r, 1);
     if (j < m - 1) {
       for (int i = 0; i < 3; ++i) {
         const vec *const inverse = row[j].inverse + 3 * i;
@@ -494,13 +425,3 @@ INLINE void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y
     scatter(fields[i] + m - 1, at, separator[i]);
   }
 }
-
-#define RING(full)                                                                                 \
-  static void ring_factor_##full(const bd_ring *ring, const bd_blocks *b) {                        \
-    ring_factor(ring, b, full);                                                                    \
-  }                                                                                                \
-  static void ring_solve_##full(const bd_ring *ring, double k, double *x, double *y, double *p) {  \
-    ring_solve(ring, k, x, y, p, full);                                                            \
-  }
-RING(0)
-RING(1)

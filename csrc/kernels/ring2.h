@@ -192,33 +192,33 @@ INLINE pair string_solve_ends(const string_ends *ends, pair r) {
 
 /* --- factorisation --------------------------------------------------------------------------- */
 
-INLINE square gather_square(const bd_blocks *b, const ptrdiff_t *at, const int place) {
-  const double *first = b->tiles + 4 * place * BD_LANES;
+INLINE square gather_square(const double *w, const ptrdiff_t *at, const int place) {
+  const double *first = w + 4 * place * BD_LANES;
   return (square){gather(first, at), gather(first + BD_LANES, at), gather(first + 2 * BD_LANES, at),
                   gather(first + 3 * BD_LANES, at)};
 }
 
-static void string_factor(const bd_ring *ring, const bd_blocks *b) {
+static void string_factor(const bd_ring *ring, const double *w) {
   string_row *const row = ring->rows;
   const int m = ring->n_rows;
   ptrdiff_t at[WIDTH], here[WIDTH], behind[WIDTH];
   places_of(ring, at);
-  tiles_of(b, at, 0, 2, here, behind);
+  tiles_of(ring, at, 0, 2, here, behind);
   const vec zero = splat(0.0), shorter = load(ring->shorter), whole = 1.0 - shorter;
   const square none = square_of(zero, zero);
   /* Row 0 of an arc meets the separator before the arc, or is the identity, coupled to nothing. */
-  square back = gather_square(b, here, 0), forward = gather_square(b, behind, 2);
+  square back = gather_square(w, here, 0), forward = gather_square(w, behind, 2);
   /* Of the row: D; F, its coupling to that separator; E, the separator's to it. And what the rows
    * so far take from the separator's diagonal block. */
-  square d = with_part(square_of(shorter, zero), whole, gather_square(b, here, 1));
+  square d = with_part(square_of(shorter, zero), whole, gather_square(w, here, 1));
   square left = with_part(none, whole, back), to_separator = with_part(none, whole, forward);
   square own = none;
   row[0].back = back;
   for (int j = 1; j < m; ++j) {
     const square_factors factors = decomposed(d);
-    tiles_of(b, at, j, 2, here, behind);
-    back = gather_square(b, here, 0);
-    forward = gather_square(b, behind, 2);
+    tiles_of(ring, at, j, 2, here, behind);
+    back = gather_square(w, here, 0);
+    forward = gather_square(w, behind, 2);
     const square coupled = j == 1 ? with_part(none, whole, forward) : forward;
     const square next = divided(factors, coupled), over = divided(factors, left);
     row[j - 1].inverse = inverse_of(factors);
@@ -226,7 +226,7 @@ static void string_factor(const bd_ring *ring, const bd_blocks *b) {
     row[j - 1].next = next;
     row[j - 1].left = over;
     row[j].back = back;
-    d = less_product(gather_square(b, here, 1), back, next);
+    d = less_product(gather_square(w, here, 1), back, next);
     own = less_product(own, to_separator, over);
     left = less_product(none, back, over);
     to_separator = less_product(none, to_separator, next);
@@ -243,8 +243,8 @@ static void string_factor(const bd_ring *ring, const bd_blocks *b) {
 /* --- solve ----------------------------------------------------------------------------------- */
 
 /* x, y: right-hand side in, solution out. */
-static void string_solve(const bd_ring *ring, double k, double *x, double *y, double *p) {
-  (void)k, (void)p;
+static void string_solve(const bd_ring *ring, double *x, double *y, double *p) {
+  (void)p;
   const string_row *const row = ring->rows;
   pair *const z = ring->scratch;
   const int m = ring->n_rows;

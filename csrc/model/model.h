@@ -113,7 +113,6 @@ bd_label bd_links_label(double least);
 
 const char *bd_law_text(int law); /* as in "contact with ... friction" */
 int bd_law_is_general(int law);
-int bd_law_form(int law); /* which loops of the linear systems it needs: BD_FORM_... */
 int bd_friction_most_states(const bd_model *model); /* of all pulleys */
 /* Of a link on pulley j, an element of its law with its state; without friction all 0. */
 void bd_friction_at(const bd_model *model, int j, int element, double z, double v, double normal,

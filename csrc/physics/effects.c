@@ -50,7 +50,7 @@ static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error 
 
 static void carve_joints_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
   bd_tangent *t = &out->joints;
-  double **const by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin, &t->pull};
+  double **const by_link[] = {&t->cos, &t->sin, &t->spin, &t->pull};
   for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
     bd_carve_links(carver, &model->lay, by_link[k]);
   }

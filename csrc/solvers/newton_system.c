@@ -50,8 +50,8 @@ static bd_run *runs_of(const bd_newton_system *system, int j) {
   return system->at.runs + j * system->at.max_runs;
 }
 
-static int along_links(const bd_plan *plan) {
-  return plan->model->along_links;
+static const bd_newton_kernels *kernels_of(const bd_plan *plan) {
+  return plan->model->along_links ? plan->kernels->newton : plan->kernels->centres;
 }
 
 static int mount_of(const bd_plan *plan, int j) {
@@ -125,11 +125,7 @@ static double body_row(const bd_newton_system *system, const bd_plan *plan, int 
   if (j < 0) {
     return 0.0;
   }
-  if (along_links(plan)) {
-    return bd_newton_row(system, plan, j, system->bodies[body].w, (const double *[]){x, y, p});
-  }
-  return plan->kernels->newton->border_row(system->at.n_runs[j], runs_of(system, j),
-                                           &system->contact[j], x, y);
+  return bd_newton_row(system, plan, j, system->bodies[body].w, (const double *[]){x, y, p});
 }
 
 /* Of the small matrix of the bodies, but for what the links do. */
@@ -204,16 +200,16 @@ static void correct_bodies(const bd_newton_system *system, const bd_plan *plan, 
   }
 }
 
-/* The ring's blocks and the border, of belts whose blocks are assembled. */
+/* The ring's blocks and the border. */
 static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fill *fill) {
   const bd_layout *lay = &plan->model->lay;
   const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const bd_newton_kernels *kernels = kernels_of(plan);
   const bd_tangent *joints = &system->at.joints;
-  if (!lay->string) {
+  if (plan->model->along_links && !lay->string) {
     plan->kernels->gather_points(links, joints->cos, joints->sin, fill->y, &system->scratch.points);
   }
-  kernels->fill_ring(links, joints, &system->stage, &system->ring_blocks, &system->blocks);
+  kernels->fill_ring(links, joints, &system->stage, &system->blocks);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     const int m = mount_of(plan, j);
@@ -235,61 +231,29 @@ static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fil
   }
 }
 
-/* The same of contact at the links' centres. */
-static void add_contact(bd_newton_system *system, const bd_plan *plan, const bd_fill *fill) {
-  const bd_layout *lay = &plan->model->lay;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
-  bd_blocks *b = &system->ring_blocks;
-  kernels->diagonal(&plan->links, &system->at.joints, &system->stage, b);
-  for (int j = 0; j < lay->np; ++j) {
-    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int n_runs = system->at.n_runs[j], form = bd_law_form(pulley->law);
-    const bd_run *runs = runs_of(system, j);
-    double *z = bd_newton_border(system, lay, bd_belt_body(lay, j));
-    kernels->linearise_contact[pulley->law](&plan->links, pulley, n_runs, runs, fill->y,
-                                            &system->contact[j], fill->c ? fill->h : 0.0);
-    if (fill->c) {
-      const bd_fill_sums sums = {
-          .torque = kernels->add_normal_correction[form](&plan->links, pulley, n_runs, runs,
-                                                         &system->contact[j], fill->c)};
-      correct_bodies(system, plan, j, &sums, fill->c);
-    }
-    system->own[j] = kernels->add_contact[form](pulley, n_runs, runs, &system->contact[j], fill->g,
-                                                b, z, z + lay->stride);
-  }
-}
-
 void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double g, double h,
                       double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_links *links = &plan->links;
-  bd_blocks *b = &system->ring_blocks;
+  bd_stage *stage = &system->stage;
   double inv_half = 1.0 / links->half;
-  system->stage.g = g;
-  system->stage.mass = model->info.link_mass * (1.0 + g * system->at.mass_damping);
-  system->stage.slender = 0.25 * model->shear;
-  b->k = g * (g * links->stiffness + links->damping);
-  b->damping = g * g * links->damping;
-  b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
+  stage->g = g;
+  stage->mass = model->info.link_mass * (1.0 + g * system->at.mass_damping);
+  stage->slender = 0.25 * model->shear;
+  stage->k = g * (g * links->stiffness + links->damping);
+  stage->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
   for (int body = 0; body < lay->np + lay->nm + lay->nc; ++body) {
     memset(bd_newton_border(system, lay, body), 0,
            (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
   }
-  const int along = along_links(plan);
-  const bd_fill fill = {y, g, h, c};
-  if (along) {
-    bd_close_links(lay, y);
-    assemble(system, plan, &fill);
-  } else {
-    add_contact(system, plan, &fill);
-  }
-  system->ring_kernels->factor[along](&system->ring, b);
+  bd_close_links(lay, y);
+  assemble(system, plan, &(bd_fill){y, g, h, c});
+  system->ring_kernels->factor(&system->ring, system->blocks.w);
   const int first = first_body(plan), n = count_bodies(plan);
   for (int j = 0; j < n; ++j) {
     double *z = bd_newton_border(system, lay, first + j);
-    system->ring_kernels->solve[along](&system->ring, b->k, z, z + lay->stride,
-                                       z + 2 * lay->stride);
+    system->ring_kernels->solve(&system->ring, z, z + lay->stride, z + 2 * lay->stride);
     for (int i = 0; i < n; ++i) {
       if (is_prescribed(plan, first + i)) {
         system->matrix[i * n + j] = i == j;
@@ -297,7 +261,8 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
       }
       system->matrix[i * n + j] =
           body_entry(system, plan, first + i, first + j, g) -
-          body_row(system, plan, first + i, z, z + lay->stride, z + 2 * lay->stride);
+          bd_newton_row(system, plan, first + i, system->bodies[first + i].w,
+                        (const double *[]){z, z + lay->stride, z + 2 * lay->stride});
     }
   }
   decompose(n, system->matrix, system->pivots);
@@ -324,14 +289,14 @@ static void clear_behind(const bd_layout *lay, double *c) {
 
 double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
                      const double *const *v) {
-  return plan->kernels->newton->row_runs(&plan->model->lay, system->at.n_runs[j],
-                                         runs_of(system, j), row, v);
+  return kernels_of(plan)->row_runs(&plan->model->lay, system->at.n_runs[j], runs_of(system, j), row,
+                                    v);
 }
 
 /* Right-hand sides of the ring and of the bodies by what c has of positions and states. */
 static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
   const bd_layout *lay = &plan->model->lay;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const bd_newton_kernels *kernels = kernels_of(plan);
   const double g = system->stage.g, m = g / plan->links.inv_mass;
   const double mass[3] = {m, m, m * plan->links.half / system->stage.slender};
   double *const r[3] = {system->x, system->y, system->p};
@@ -360,26 +325,16 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const bd_newton_kernels *kernels = kernels_of(plan);
   const double g = system->stage.g;
   const int first = first_body(plan), n = count_bodies(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
-  const int along = along_links(plan);
   memset(rhs, 0, (size_t)(lay->np + lay->nm + lay->nc) * sizeof *rhs);
-  if (along) {
-    product(system, plan, c);
-  } else {
-    kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
-  }
-  for (int j = 0; !along && j < lay->np; ++j) {
-    rhs[bd_belt_body(lay, j)] =
-        kernels->contact_product(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
-                                 runs_of(system, j), &system->contact[j], c, x, y);
-  }
+  product(system, plan, c);
   if (lay->nc > 0 && !plan->pulleys_locked) {
     bd_coupling_product(&system->at, model, g, c, rhs);
   }
-  system->ring_kernels->solve[along](&system->ring, system->ring_blocks.k, x, y, p);
+  system->ring_kernels->solve(&system->ring, x, y, p);
   for (int body = first; body < first + n; ++body) {
     const int j = body < lay->np ? body : -1;
     if (is_prescribed(plan, body)) {
@@ -403,9 +358,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   if (lay->nc > 0 && !plan->pulleys_locked) {
     bd_coupling_finish(&system->at, model, g, rhs, c);
   }
-  if (along) {
-    close_ring(lay, c);
-  }
+  close_ring(lay, c);
   for (int j = 0; j < lay->np; ++j) {
     double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
@@ -415,24 +368,16 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     if (pulley->law == BD_LAW_NONE) {
       continue;
     }
-    const int n_runs = system->at.n_runs[j];
-    if (along) {
-      double move[4];
-      kernels->restore_states(
-          lay, n_runs, runs_of(system, j), pulley->states, &system->slots[j], links->link_mask,
-          angular_acceleration,
-          mount_of(plan, j) >= 0 ? bd_mount_move(system, plan, mount_of(plan, j), c, move) : NULL,
-          bd_cfield(lay, c, F_X), bd_cfield(lay, c, F_VX),
-          bd_field(lay, c, bd_f_state(lay, pulley->slot)),
-          bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
-    } else {
-      kernels->finish_contact[bd_law_form(pulley->law)](
-          lay, pulley, n_runs, runs_of(system, j), &system->contact[j], g, angular_acceleration, c);
-    }
+    const int m = mount_of(plan, j);
+    double move[4];
+    kernels->restore_states(lay, system->at.n_runs[j], runs_of(system, j), pulley->states,
+                            &system->slots[j], links->link_mask, angular_acceleration,
+                            m >= 0 ? bd_mount_move(system, plan, m, c, move) : NULL,
+                            bd_cfield(lay, c, F_X), bd_cfield(lay, c, F_VX),
+                            bd_field(lay, c, bd_f_state(lay, pulley->slot)),
+                            bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
   }
-  if (along) {
-    clear_behind(lay, c);
-  }
+  clear_behind(lay, c);
   for (int k = 0; k < lay->n_work; ++k) {
     c[lay->work + k] = 0.0; /* the ledger follows the steps (implicit.c) */
   }

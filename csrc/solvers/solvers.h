@@ -20,15 +20,13 @@ typedef struct bd_newton_system {
   const bd_newton_kernels *ring_kernels;
   bd_ring ring;
   bd_derivatives at; /* the effects', at the state */
-  bd_blocks ring_blocks;
   bd_stage stage;
-  double *x, *y, *p;           /* right-hand side and solution of the ring, with halo */
-  double *border;              /* per shaft, then per mount: its column, solved by the ring */
-  bd_contact_tangent *contact; /* per pulley, of contact at the links' centres; or along them: */
+  double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
+  double *border;    /* per shaft, then per mount: its column, solved by the ring */
   bd_assembled blocks;
-  bd_contact_scratch scratch;
-  bd_slot *slots;  /* per pulley */
-  bd_body *bodies; /* per shaft, then per mount */
+  bd_contact_scratch scratch; /* of contact along the links */
+  bd_slot *slots;             /* per pulley */
+  bd_body *bodies;            /* per shaft, then per mount */
   bd_mount_border *mounts;
   double *own, *rhs, *matrix;
   int *pivots;
@@ -63,7 +61,7 @@ static inline double *bd_newton_border(const bd_newton_system *system, const bd_
   return system->border + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
 }
 
-/* A row of a body times vectors by node, where contact along the links with pulley j is near. */
+/* A row of a body times vectors by node, where pulley j is near. */
 double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
                      const double *const *v);
 

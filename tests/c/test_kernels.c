@@ -215,7 +215,6 @@ static void solve_ring(ring_case *c, const bd_kernels *level) {
       tile[(2 * d2 + e) * BD_LANES] = c->entries[18 + e][BD_HALO + (i + 1) % c->n];
     }
   }
-  const bd_blocks b = {.tiles = c->tiles, .n = c->n};
   bd_ring ring;
   bd_carver carver = {0};
   bd_ring_carve(&carver, &ring, kernels, c->n);
@@ -223,8 +222,8 @@ static void solve_ring(ring_case *c, const bd_kernels *level) {
   carver = (bd_carver){.base = memory};
   bd_ring_carve(&carver, &ring, kernels, c->n);
   double *x = c->x[0] + BD_HALO, *y = c->x[1] + BD_HALO, *p = c->x[2] + BD_HALO;
-  kernels->factor[1](&ring, &b);
-  kernels->solve[1](&ring, 0.0, x, y, p);
+  kernels->factor(&ring, c->tiles);
+  kernels->solve(&ring, x, y, p);
   bd_block_free(memory);
 }
 
