@@ -37,8 +37,8 @@ static void sum_xy(const bd_newton_system *system, const bd_plan *plan, int m, c
                    double sum[2]) {
   const int j = plan->model->lay.mounted[m];
   for (int k = 0; k < 2; ++k) {
-    sum[k] = plan->kernels->newton->sum_runs(system->at.n_runs[j], runs_of(system, j),
-                                             array + k * plan->model->lay.stride);
+    sum[k] = system->kernels->sum_runs(system->at.n_runs[j], runs_of(system, j),
+                                       array + k * plan->model->lay.stride);
   }
 }
 
@@ -103,9 +103,9 @@ void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, cons
   const int j = lay->mounted[m], body = lay->np + m;
   const double g = system->stage.g, travel = c[lay->travel + m];
   const double *cq = bd_cfield(lay, c, F_X);
-  plan->kernels->newton->add_column(lay, system->at.n_runs[j], runs_of(system, j),
-                                    system->bodies[body].given, travel,
-                                    (double *const[]){system->x, system->y, system->p});
+  system->kernels->add_column(lay, system->at.n_runs[j], runs_of(system, j),
+                              system->bodies[body].given, travel,
+                              (double *const[]){system->x, system->y, system->p});
   *torque += border->given_torque * travel;
   double *rhs = &system->rhs[body];
   *rhs = g * c[lay->travel_speed + m];

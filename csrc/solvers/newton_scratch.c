@@ -112,6 +112,7 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   if (!carver->base) {
     return;
   }
+  system->kernels = model->along_links ? model->kernels->newton : model->kernels->centres;
   system->ring_kernels = ring;
   for (int body = 0; body < bodies; ++body) {
     system->bodies[body].column = bd_newton_border(system, lay, body);

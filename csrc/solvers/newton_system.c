@@ -12,10 +12,9 @@
  * so only velocities are left, links in 3 x 3 blocks round the ring and a border of one row and
  * column a shaft: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
  * link is that of its end, half its length times phi, so that all blocks are masses. With W the
- * matrix on the left and Q = g^2 F_q, states eliminated, W k_v = g M c_v + Q c_q + ...: contact
- * along the links fills both as blocks of neighbouring nodes, and the rows of the bodies in both
- * (kernels/kernels.h); what solves is the same for every belt. The paper's mesh, whose contact
- * knows no neighbours, has loops of its own, which take less time.
+ * matrix on the left and Q = g^2 F_q, states eliminated, W k_v = g M c_v + Q c_q + ...: each belt
+ * fills both as blocks of neighbouring nodes, and the rows of the bodies in both
+ * (kernels/kernels.h); what solves is the same for every belt.
  *
  * Bodies of one degree of freedom are the shafts, one of each pulley, after them the mounts
  * (mount_border.c), and the rims and rings of couplings (physics/couplings.c). One whose motion is
@@ -29,9 +28,8 @@
  * Contact in the axes (n, t) of a link on its pulley (MODEL sections 3, 4): dN = -k_n dr_n - b dv_n
  * - (b v_t / rho) dr_t while pressed; of the friction force dF = F_N dN + F_z dz + F_v dv_T, by the
  * law's slopes (friction/laws.h); dF_n = dN + (F / rho) dr_t, dF_t = (N / rho) dr_t - dF, dv_T =
- * dv_t
- * - (v_n / rho) dr_t - omega dr_n - rho d omega, dtau = rho dF + F dr_n. With k_z put in, F_N and
- * F_v stand for F_N + F_z g gain_N / (1 + g decay) and F_v + F_z g gain / (1 + g decay). Kinks
+ * dv_t - (v_n / rho) dr_t - omega dr_n - rho d omega, dtau = rho dF + F dr_n. With k_z put in, F_N
+ * and F_v stand for F_N + F_z g gain_N / (1 + g decay) and F_v + F_z g gain / (1 + g decay). Kinks
  * (touching, pressed, those of the law) are taken as they stand at the state that is linearised.
  *
  * Guarded by tests/test_jacobian.py: differences of the right-hand side, of the oracle's, on both
@@ -48,10 +46,6 @@
  */
 static bd_run *runs_of(const bd_newton_system *system, int j) {
   return system->at.runs + j * system->at.max_runs;
-}
-
-static const bd_newton_kernels *kernels_of(const bd_plan *plan) {
-  return plan->model->along_links ? plan->kernels->newton : plan->kernels->centres;
 }
 
 static int mount_of(const bd_plan *plan, int j) {
@@ -204,7 +198,7 @@ static void correct_bodies(const bd_newton_system *system, const bd_plan *plan, 
 static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fill *fill) {
   const bd_layout *lay = &plan->model->lay;
   const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = kernels_of(plan);
+  const bd_newton_kernels *kernels = system->kernels;
   const bd_tangent *joints = &system->at.joints;
   if (plan->model->along_links && !lay->string) {
     plan->kernels->gather_points(links, joints->cos, joints->sin, fill->y, &system->scratch.points);
@@ -261,8 +255,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
       }
       system->matrix[i * n + j] =
           body_entry(system, plan, first + i, first + j, g) -
-          bd_newton_row(system, plan, first + i, system->bodies[first + i].w,
-                        (const double *[]){z, z + lay->stride, z + 2 * lay->stride});
+          body_row(system, plan, first + i, z, z + lay->stride, z + 2 * lay->stride);
     }
   }
   decompose(n, system->matrix, system->pivots);
@@ -289,14 +282,14 @@ static void clear_behind(const bd_layout *lay, double *c) {
 
 double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
                      const double *const *v) {
-  return kernels_of(plan)->row_runs(&plan->model->lay, system->at.n_runs[j], runs_of(system, j), row,
-                                    v);
+  return system->kernels->row_runs(&plan->model->lay, system->at.n_runs[j], runs_of(system, j), row,
+                                   v);
 }
 
 /* Right-hand sides of the ring and of the bodies by what c has of positions and states. */
 static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
   const bd_layout *lay = &plan->model->lay;
-  const bd_newton_kernels *kernels = kernels_of(plan);
+  const bd_newton_kernels *kernels = system->kernels;
   const double g = system->stage.g, m = g / plan->links.inv_mass;
   const double mass[3] = {m, m, m * plan->links.half / system->stage.slender};
   double *const r[3] = {system->x, system->y, system->p};
@@ -325,7 +318,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = kernels_of(plan);
+  const bd_newton_kernels *kernels = system->kernels;
   const double g = system->stage.g;
   const int first = first_body(plan), n = count_bodies(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;

@@ -17,7 +17,7 @@ typedef struct bd_mount_border {
 } bd_mount_border;
 
 typedef struct bd_newton_system {
-  const bd_newton_kernels *ring_kernels;
+  const bd_newton_kernels *kernels, *ring_kernels;
   bd_ring ring;
   bd_derivatives at; /* the effects', at the state */
   bd_stage stage;
