@@ -91,6 +91,8 @@ class Model:
     @property
     def info(self) -> dict[str, float | int]: ...  # struct bd_info by name
     @property
+    def sizes(self) -> dict[str, int]: ...  # values of fields and outputs of each size
+    @property
     def belt_model(self) -> str: ...  # "links" or "string"
     @property
     def rest(self) -> NDArray[np.float64]: ...  # travels of the mounts in equilibrium

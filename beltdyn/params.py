@@ -74,6 +74,10 @@ class Params:
             values = (getattr(source, name) for name in rules_of(group))
             return tuple(int(value) if isinstance(value, bool) else value for value in values)
 
+        def parts(pulleys: tuple[Pulley, ...], name: str) -> tuple[Any, ...]:
+            found = [getattr(pulley, name) for pulley in pulleys]
+            return tuple(None if part is None else part._to_core() for part in found)
+
         _, *belt = numbers("belt", self.belt)
         scene = (
             tuple(belt),
@@ -87,26 +91,13 @@ class Params:
                 None if pulley.drag is None else numbers("drag", pulley.drag)
                 for pulley in self.pulleys
             ),
-            tuple(
-                None if pulley.friction is None else pulley.friction._to_core()
-                for pulley in self.pulleys
-            ),
+            parts(self.pulleys, "friction"),
             self.belt.mesh,
             tuple(pulley.side == "outside" for pulley in self.pulleys),
             tuple(pulley.name for pulley in self.pulleys),
-            tuple(
-                None if pulley.mount is None else pulley.mount._to_core()
-                for pulley in self.effective_pulleys
-            )
-            if self.mounted
-            else None,
+            parts(self.effective_pulleys, "mount") if self.mounted else None,
             self.belt.model,
-            tuple(
-                None if pulley.coupling is None else pulley.coupling._to_core()
-                for pulley in self.pulleys
-            )
-            if self.coupled
-            else None,
+            parts(self.pulleys, "coupling") if self.coupled else None,
         )
         object.__setattr__(self, "_scene", scene)
         # Whatever is wrong is said now; a length that takes settling is found when it is needed.
@@ -293,6 +284,12 @@ class Params:
         """Indices of the pulleys with a coupling, in the order of ``State.rim_speed``."""
         return tuple(k for k, pulley in enumerate(self.pulleys) if pulley.coupling is not None)
 
+    @functools.cached_property
+    def _having(self) -> dict[str, tuple[int, ...]]:
+        """Indices of the pulleys that have what a size of the core's tables counts, by size."""
+        every = tuple(range(len(self.pulleys)))
+        return {"PULLEYS": every, "PLANE": every, "MOUNTS": self.mounted, "COUPLINGS": self.coupled}
+
     @property
     def shaft_inertias(self) -> Array:
         """Inertias of the shafts (n_p,) [kg m^2]: what ``result.pulleys.omega`` belongs to."""
@@ -456,13 +453,10 @@ class Params:
         if self.friction is not None:
             document["friction"] = toml.unstructure(self.friction)
         for pulley, table in zip(self.pulleys, document["pulleys"], strict=True):
-            if pulley.friction is not None:
-                table["friction"] = toml.unstructure(pulley.friction)
-            if pulley.mount is not None:
-                fields = toml.unstructure(pulley.mount)
-                table["mount"] = {k: v for k, v in fields.items() if v is not None}
-            if pulley.coupling is not None:
-                table["coupling"] = toml.unstructure(pulley.coupling)
+            for name in ("friction", "mount", "coupling"):
+                if (part := getattr(pulley, name)) is not None:
+                    fields = toml.unstructure(part)
+                    table[name] = {k: v for k, v in fields.items() if v is not None}
         return document
 
 

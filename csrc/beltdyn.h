@@ -235,6 +235,18 @@ typedef struct bd_info {
 } bd_info;
 
 void bd_model_info(const bd_model *model, bd_info *info);
+
+enum {
+#define X(size, count) BD_SIZE_##size,
+  BD_SIZES(X)
+#undef X
+      BD_N_SIZES
+};
+
+/* How many values a field or an output of this size has in such a model. */
+size_t bd_size(const bd_info *of, int size);
+const char *bd_size_name(int size); /* NULL past the last */
+
 int bd_model_is_string(const bd_model *model);
 /* Travels of the mounts (n_mounts) in equilibrium with the belt; where there is none
  * (bd_model_check_geometry) those of the scene, 0. Centres of all pulleys (n_p, 2) [m] at travels.
@@ -283,9 +295,8 @@ int bd_check_parameter(const char *group, const char *name, const char *label, d
 
 /* --- state ----------------------------------------------------------------------------------- */
 
-/* Arrays owned by the caller, sizes as BD_STATE_FIELDS: n_bodies, n_slots * n_bodies (slot-major;
- * of mu, n_states of each),
- * n_pulleys, n_mounts, n_couplings. phi is continuous: joint 0 carries the winding. */
+/* Arrays owned by the caller, sizes as BD_STATE_FIELDS (bd_size), those of slots slot-major. phi is
+ * continuous: joint 0 carries the winding. */
 typedef struct bd_state {
   double t;
 #define X(symbol, name, size, scale, unit, text) double *name;

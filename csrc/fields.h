@@ -104,9 +104,23 @@
 #define BD_TYPE_LINKS int
 #define BD_TYPE_FLAG int
 
+/* Sizes of fields of a state and of sampled outputs: X(size, count), the count from `of`, a
+ * bd_info. PLANE: of vectors (x, y); ENERGY: columns of the
+ * ledger, which the drive alone does not decide. */
+#define BD_SIZES(X)                                                                                \
+  X(ONE, 1)                                                                                        \
+  X(LINKS, of->n_bodies)                                                                           \
+  X(SLOTS, (size_t)of->n_slots *(size_t)of->n_bodies)                                              \
+  X(STATES, (size_t)(of->n_slots * of->n_states) * (size_t)of->n_bodies)                           \
+  X(FRICTION, of->n_slots > 0 ? of->n_bodies : 0)                                                  \
+  X(PULLEYS, of->n_pulleys)                                                                        \
+  X(PLANE, of->n_pulleys)                                                                          \
+  X(MOUNTS, of->n_mounts)                                                                          \
+  X(COUPLINGS, of->n_couplings)                                                                    \
+  X(ENERGY, 0)
+
 /* Fields of a state, in the order of the state vector: X(symbol, name, size, scale, unit, text).
- * size: LINKS n_b values, SLOTS n_b values per friction slot, STATES those times n_states, PULLEYS
- * n_p, MOUNTS and COUPLINGS one for each pulley with a mount or a coupling; in this order. scale:
+ * size: of BD_SIZES, first those of links, at last those of pulleys and parts. scale:
  * what errors are measured by (bd_state_scale): the STRETCH of a joint at rest, that as a SPEED,
  * both over a lever arm (TURN, SPIN), the FRICTION law's own, GRIP that of a mount, WINDUP that of
  * a coupling; NONE: errors are not looked at. With time they are the physical state; to go on bit
@@ -158,10 +172,8 @@
   X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")                         \
   X(double, drag_speed, "rim speed within which Coulomb drag changes its sign, v_0 [m/s]")
 
-/* Sampled outputs, one row a sample: X(name, group, size, unit, text). size: as of a state's
- * fields; PLANE, x and y for each pulley (n_p, 2); FRICTION, links of drives with friction; ENERGY,
- * columns of the ledger. Of mounts: torques of an arm, forces of a slider, in the sense of its
- * travel. */
+/* Sampled outputs, one row a sample: X(name, group, size, unit, text). size: as of BD_SIZES. Of
+ * mounts: torques of an arm, forces of a slider, in the sense of its travel. */
 #define BD_OUTPUTS(X)                                                                              \
   X(theta, pulleys, PULLEYS, "rad", "rotation angle, counter-clockwise")                           \
   X(omega, pulleys, PULLEYS, "rad/s", "angular velocity")                                          \

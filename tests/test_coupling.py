@@ -445,6 +445,29 @@ def test_sweeps_and_explanations_know_couplings() -> None:
     assert pulley.coupling is None and pulley.inertia == RIM + HUB
 
 
+def test_histories_of_couplings_are_told_apart_by_their_pulley() -> None:
+    """In sweeps, spectra and labelled arrays; the second coupling is not on the second pulley."""
+    params = two(None)
+    first, last = (attrs.evolve(one, coupling=ISOLATOR) for one in params.pulleys)
+    plain = bd.Pulley(center=(0.15, -0.13), radius=0.06, inertia=1e-4)
+    params = drive([first, plain, attrs.evolve(last, name="fan")], 60)
+    torque = bd.Harmonics(0, [2.0], [1.0]) + bd.Step(2, 0.0, 0.3)
+    times = np.linspace(0.0, 4e-3, 33)
+    swept = bd.sweep(
+        bd.Scene(params, torque, times[-1]), {"t_end": [4e-3]}, "couplings.windup.final",
+        progress=False,
+    )["couplings.windup.final"]  # fmt: skip
+    result = bd.simulate(params, torque, times[-1], t_eval=times)
+    assert swept.dims == ("t_end", "coupling") and list(swept["coupling"]) == ["pulley 0", "fan"]
+    assert np.allclose(swept[0], result.couplings.windup[-1], rtol=1e-9)
+    labelled = result.to_xarray()["couplings.windup"]
+    assert labelled.dims == ("time", "coupling") and np.ptp(labelled.values, axis=0).all()
+    found = bd.spectra.spectrum(result, "couplings.windup", pulley="fan")
+    assert found.label == "couplings.windup of fan" and found.unit == "rad"
+    with pytest.raises(ValueError, match=r"^pulley: pulley 1 has none$"):
+        bd.spectra.spectrum(result, "couplings.windup", pulley=1)
+
+
 def test_speeds_are_drawn_of_shafts_and_rims() -> None:
     pyplot = pytest.importorskip("matplotlib.pyplot")
     params = two(ISOLATOR)

@@ -4,7 +4,7 @@
  *
  * Layout. One flat, 64-byte aligned vector: LINK_FIELDS blocks of `stride` doubles, then a tail
  *
- *   | x | y | phi | vx | vy | vphi | mu (slots, states) | slip (slots) || theta | omega | mounts
+ *   | x | y | phi | vx | vy | vphi | mu (slots, states) | slip (slots) || theta | omega | parts
  *   | work |
  *
  * A string of point masses has neither phi nor vphi.
@@ -43,17 +43,21 @@ enum {
 
 typedef struct bd_layout {
   int n, n8, np, slots;
-  int string;             /* 1: of point masses, without phi and vphi */
-  int states;             /* of friction, of a link in a slot: the most that a law has */
-  int stride;             /* doubles per block */
-  int theta, omega, work; /* offsets of the tail */
-  int nm;                 /* mounts, */
-  const int *mounted;     /* their pulleys, and the offsets of their three rows */
-  int travel, travel_speed, mount_friction;
-  int nc;             /* couplings, */
-  const int *coupled; /* their pulleys, and the offsets of their three rows */
-  int rim_angle, rim_speed, windup;
-  const int *rim; /* by pulley the entry of the speed of what the belt runs on */
+  int string; /* 1: of point masses, without phi and vphi */
+  int states; /* of friction, of a link in a slot: the most that a law has */
+  int stride; /* doubles per block */
+  union {     /* where each row of BD_STATE_FIELDS begins, by number and by name */
+    int offset[BD_N_FIELDS];
+    struct {
+#define X(symbol, name, size, scale, unit, text) int name;
+      BD_STATE_FIELDS(X)
+#undef X
+    };
+  };
+  int work;
+  int nm, nc;                   /* mounts, couplings, */
+  const int *mounted, *coupled; /* and their pulleys */
+  const int *rim;               /* by pulley the entry of the speed of what the belt runs on */
   int n_work;
   size_t size; /* of the whole vector */
 } bd_layout;

@@ -10,26 +10,19 @@
 
 /* --- states ---------------------------------------------------------------------------------- */
 
-enum { SIZE_LINKS, SIZE_SLOTS, SIZE_STATES, SIZE_PULLEYS, SIZE_MOUNTS, SIZE_COUPLINGS };
-
 /* The name, length kind and pointer of every state field, in the order of BD_STATE_FIELDS. */
 static const struct {
   const char *name;
   int size;
   size_t offset;
 } state_fields[] = {
-#define X(symbol, name, size, scale, unit, text) {#name, SIZE_##size, offsetof(bd_state, name)},
+#define X(symbol, name, size, scale, unit, text) {#name, BD_SIZE_##size, offsetof(bd_state, name)},
     BD_STATE_FIELDS(X)
 #undef X
 };
 
 static npy_intp length_of(int size, const bd_info *info) {
-  return size == SIZE_LINKS       ? info->n_bodies
-         : size == SIZE_SLOTS     ? (npy_intp)info->n_slots * info->n_bodies
-         : size == SIZE_STATES    ? (npy_intp)info->n_slots * info->n_states * info->n_bodies
-         : size == SIZE_MOUNTS    ? info->n_mounts
-         : size == SIZE_COUPLINGS ? info->n_couplings
-                                  : info->n_pulleys;
+  return (npy_intp)bd_size(info, size);
 }
 
 /* Hands an array (NULL: failed already) to the record, which then owns it. */
@@ -377,6 +370,20 @@ static PyObject *model_friction(PyObject *object, void *Py_UNUSED(closure)) {
   return all;
 }
 
+static PyObject *model_sizes(PyObject *object, void *Py_UNUSED(closure)) {
+  const bd_core_model *self = (const bd_core_model *)object;
+  PyObject *dict = PyDict_New();
+  for (int k = 0; dict && k < BD_N_SIZES; k++) {
+    int columns[BD_N_ENERGY];
+    const size_t size = k == BD_SIZE_ENERGY ? (size_t)bd_model_energy_terms(self->model, columns)
+                                            : bd_size(&self->info, k);
+    if (bd_core_set(dict, bd_size_name(k), PyLong_FromSize_t(size)) < 0) {
+      Py_CLEAR(dict);
+    }
+  }
+  return dict;
+}
+
 static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) {
   static const char *const names[] = {
 #define X(name, kind, text) #name,
@@ -434,6 +441,8 @@ static PyGetSetDef model_properties[] = {
      NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
     {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
+    {"sizes", model_sizes, NULL,
+     "How many values fields and outputs of each size have; of PLANE vectors.", NULL},
     {"energy_terms", model_energy_terms, NULL,
      "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},

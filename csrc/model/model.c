@@ -214,16 +214,8 @@ static void lay_out(bd_model *model, int n, int np, int slots, int states, int d
   /* An odd number of cache lines, so that the same link's entries of all blocks do not share sets
    * of the cache. */
   lay->stride = BD_LANES * ((BD_HALO + n + 1 + BD_LANES - 1) / BD_LANES | 1);
-  lay->theta = bd_block(lay, F_MU + slots * (states + 1)) * lay->stride;
-  lay->omega = lay->theta + np;
   lay->mounted = model->mounted;
-  lay->travel = lay->omega + np;
-  lay->travel_speed = lay->travel + lay->nm;
-  lay->mount_friction = lay->travel_speed + lay->nm;
-  lay->rim_angle = lay->mount_friction + lay->nm;
-  lay->rim_speed = lay->rim_angle + lay->nc;
-  lay->windup = lay->rim_speed + lay->nc;
-  lay->work = lay->windup + lay->nc;
+  bd_layout_fields(lay);
   lay->n_work = lay->nc > 0   ? MAX_WORK
                 : lay->nm > 0 ? W_path_work + 1
                 : drag        ? W_drag_loss + 1

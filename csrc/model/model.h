@@ -248,14 +248,6 @@ void bd_belt_line_pull(const bd_wrap *wrap, double pull[2]);
 /* --- state.c --------------------------------------------------------------------------------- */
 
 enum {
-  BD_SIZE_LINKS,
-  BD_SIZE_SLOTS,
-  BD_SIZE_STATES,
-  BD_SIZE_PULLEYS,
-  BD_SIZE_MOUNTS,
-  BD_SIZE_COUPLINGS
-};
-enum {
   BD_SCALE_NONE,
   BD_SCALE_STRETCH,
   BD_SCALE_TURN,
@@ -280,6 +272,8 @@ extern const bd_field_row bd_state_fields[BD_N_FIELDS];
 int bd_field_pieces(const bd_layout *lay, int row);
 int bd_field_length(const bd_layout *lay, int row);
 size_t bd_field_offset(const bd_layout *lay, int row, int k);
+/* Lays out the vector of a layout that knows what there is of everything. */
+void bd_layout_fields(bd_layout *lay);
 /* The row and the link or pulley (the other -1) of an entry of the vector; -1: padding, work. */
 int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley);
 

@@ -24,6 +24,27 @@ const bd_field_row bd_state_fields[BD_N_FIELDS] = {
 #undef X
 };
 
+size_t bd_size(const bd_info *of, int size) {
+  switch (size) {
+#define X(name, count)                                                                             \
+  case BD_SIZE_##name:                                                                             \
+    return (size_t)(count);
+    BD_SIZES(X)
+#undef X
+  default:
+    return 0;
+  }
+}
+
+const char *bd_size_name(int size) {
+  static const char *const names[] = {
+#define X(name, count) #name,
+      BD_SIZES(X)
+#undef X
+  };
+  return size >= 0 && size < BD_N_SIZES ? names[size] : NULL;
+}
+
 int bd_field_pieces(const bd_layout *lay, int row) {
   const int size = bd_state_fields[row].size;
   return size == BD_SIZE_STATES  ? lay->slots * lay->states
@@ -45,17 +66,26 @@ int bd_field_length(const bd_layout *lay, int row) {
 }
 
 size_t bd_field_offset(const bd_layout *lay, int row, int k) {
-  if (row >= F_RIM_ANGLE) {
-    return (size_t)(lay->rim_angle + (row - F_RIM_ANGLE) * lay->nc);
+  return (size_t)lay->offset[row] + (size_t)k * (size_t)lay->stride;
+}
+
+/* Blocks of links, then numbers of pulleys and parts. */
+void bd_layout_fields(bd_layout *lay) {
+  for (int row = 0; row < F_THETA; ++row) {
+    const int block = bd_block(lay, row == F_SLIP ? bd_f_slip(lay, 0) : row);
+    lay->offset[row] = block * lay->stride + BD_HALO;
   }
-  if (row >= F_TRAVEL) {
-    return (size_t)(lay->travel + (row - F_TRAVEL) * lay->nm);
+  lay->work = bd_block(lay, bd_f_slip(lay, lay->slots)) * lay->stride;
+  for (int row = F_THETA; row < BD_N_FIELDS; ++row) {
+    lay->offset[row] = lay->work;
+    lay->work += bd_field_length(lay, row);
   }
-  if (row >= F_THETA) {
-    return (size_t)(lay->theta + (row - F_THETA) * lay->np);
-  }
-  const int block = (row < F_MU ? row : row == F_MU ? F_MU : bd_f_slip(lay, 0)) + k;
-  return (size_t)bd_block(lay, block) * (size_t)lay->stride + BD_HALO;
+}
+
+/* Of value i of a row of the tail. */
+static int pulley_at(const bd_layout *lay, int row, int i) {
+  const int size = bd_state_fields[row].size;
+  return size == BD_SIZE_MOUNTS ? lay->mounted[i] : size == BD_SIZE_COUPLINGS ? lay->coupled[i] : i;
 }
 
 int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
@@ -64,17 +94,12 @@ int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
   if (at >= lay->work) {
     return -1;
   }
-  if (at >= lay->rim_angle) {
-    *pulley = lay->coupled[(at - lay->rim_angle) % lay->nc];
-    return F_RIM_ANGLE + (at - lay->rim_angle) / lay->nc;
-  }
-  if (at >= lay->travel) {
-    *pulley = lay->mounted[(at - lay->travel) % lay->nm];
-    return F_TRAVEL + (at - lay->travel) / lay->nm;
-  }
-  if (at >= lay->theta) {
-    *pulley = (at - lay->theta) % lay->np;
-    return F_THETA + (at - lay->theta) / lay->np;
+  for (int row = F_THETA; row < BD_N_FIELDS; ++row) {
+    const int i = at - lay->offset[row];
+    if (i >= 0 && i < bd_field_length(lay, row)) {
+      *pulley = pulley_at(lay, row, i);
+      return row;
+    }
   }
   if (link < 0 || link >= lay->n) {
     return -1;
@@ -104,11 +129,8 @@ static int check_finite(const bd_layout *lay, const bd_state *state, bd_error *e
     const int length = bd_field_length(lay, row), of_links = row < F_THETA;
     for (int i = 0; i < length * bd_field_pieces(lay, row); ++i) {
       if (!isfinite(v[i])) {
-        const int pulley = row >= F_RIM_ANGLE ? lay->coupled[i]
-                           : row >= F_TRAVEL  ? lay->mounted[i]
-                                              : i;
         return bd_fail_at(err, BD_ERR_STATE, bd_state_fields[row].name, (double)NAN,
-                          of_links ? i % length : -1, of_links ? -1 : pulley, v[i],
+                          of_links ? i % length : -1, of_links ? -1 : pulley_at(lay, row, i), v[i],
                           "state %s[%d] must be finite, got %g", bd_state_fields[row].name, i,
                           v[i]);
       }

@@ -61,8 +61,9 @@ static bd_resisting load_at(const bd_plan *plan, const bd_torque_term *term, dou
   return (bd_resisting){.torque = -factor * load.torque, .slope = -factor * load.by_omega};
 }
 
-bd_resisting bd_resistance_off_line(const bd_plan *plan, double t, const double *y,
-                                    const double *y_new, int j) {
+/* How far the torque at y_new is from the line through that at y, and the slope of this line. */
+static bd_resisting off_line(const bd_plan *plan, double t, const double *y, const double *y_new,
+                             int j) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_torque_set *set = &plan->torques;
@@ -84,14 +85,34 @@ bd_resisting bd_resistance_off_line(const bd_plan *plan, double t, const double 
   return sum;
 }
 
+/* Where a pulley sticks to its dry friction, g slope >> inertia: the system divides by it whatever
+ * the torque at y_new differs from the line through that at y, in the solution and in the estimate,
+ * and a pulley that breaks loose creeps on along the line. Of that difference, its effect on the
+ * speed as a free pulley has it, by the share that is hidden; on a slope that falls the system may
+ * turn its sign. */
+double bd_resistance_unseen(const bd_plan *plan, const bd_step *step) {
+  const bd_model *model = plan->model;
+  double most = 0.0;
+  for (int j = 0; step->implicit && j < model->lay.np; ++j) {
+    const double weight = step->weights[model->lay.omega + j];
+    if (weight > 0.0) {
+      const bd_resisting off = off_line(plan, step->t, step->y, step->y_new, j);
+      const double stiff = step->g * off.slope / model->inertia[j];
+      const double hidden = fabs(stiff) / fmax(1.0, fabs(1.0 + stiff));
+      most = fmax(most, weight * step->h * fabs(off.torque) / model->inertia[j] * hidden);
+    }
+  }
+  return most;
+}
+
 /* --- the effect ------------------------------------------------------------------------------ */
 
 /* At rest there is none, and settling would only take longer. */
-int bd_drag_enabled(const bd_model *model, const bd_plan_options *options) {
+static int enabled(const bd_model *model, const bd_plan_options *options) {
   return !options->settling && model->drag != NULL;
 }
 
-int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+static int rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
@@ -111,7 +132,7 @@ int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) 
   return BD_OK;
 }
 
-void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+static void tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_model *model = plan->model;
   for (int j = 0; j < model->lay.np; ++j) {
     out->pulley_damping[j] =
@@ -119,6 +140,27 @@ void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) 
   }
 }
 
-void bd_drag_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+static void carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
   BD_CARVE(carver, out->pulley_damping, model->lay.np);
 }
+
+static int stiffness(const bd_stiff_at *at, bd_stiff *parts) {
+  const double drag =
+      bd_steepest_resistance(&at->model->drag[at->pulley], at->model, at->pulley, at->tension);
+  parts[0] = (bd_stiff){.of = BD_STIFF_PULLEY,
+                        .what = "a pulley with very large bearing drag",
+                        .damping = drag / at->inertia};
+  return 1;
+}
+
+const bd_effect bd_effect_drag = {
+    .name = "bearing drag",
+    .asked_by = "drag",
+    .enabled = enabled,
+    .rate = rate,
+    .tangent = tangent,
+    .carve_tangent = carve_tangent,
+    .stiffness = stiffness,
+    .n_works = 1,
+    .works = {BD_LOST_IN(drag_loss, "drag has given", 1)},
+};

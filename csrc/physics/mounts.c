@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Mounts (MODEL section 5), three rows of the table in effects.c: the axes are where the travels
+ * Mounts (MODEL section 5), three effects (effects.c): the axes are where the travels
  * have them, before contact; arms and sliders move by what acts on them, after it; and the travel
  * of paths is the time.
  */
@@ -200,8 +200,10 @@ void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out
   }
 }
 
-double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_new, int m,
-                        double g) {
+/* What a linear system with g leaves out of the speed of mount m [rad/s or m/s], whose stop at
+ * y_new is off the line from y: where it has come to the stop, or away. */
+static double stop_off_line(const bd_plan *plan, const double *y, const double *y_new, int m,
+                            double g) {
   const bd_mounted *mount = &plan->model->mounts[m];
   const int travel = plan->model->lay.travel + m, speed = plan->model->lay.travel_speed + m;
   double lost = 0.0;
@@ -215,6 +217,42 @@ double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_ne
   const double off = after - before + (before != 0.0 ? line : 0.0);
   const double stiff = g * (g * mount->stop_stiffness + mount->stop_damping);
   return g * off / (plan->mount_inertia[m] + (after != 0.0 ? stiff : 0.0));
+}
+
+/* A mount that meets a stop, or leaves it, goes on as if it had not. */
+double bd_stops_unseen(const bd_plan *plan, const bd_step *step) {
+  double most = 0.0;
+  for (int m = 0; m < plan->model->lay.nm; ++m) {
+    const double faster = stop_off_line(plan, step->y, step->y_new, m, step->g);
+    most = fmax(most, step->weights[plan->model->lay.travel_speed + m] * fabs(faster));
+  }
+  return most;
+}
+
+int bd_mounts_stiffness(const bd_stiff_at *at, bd_stiff *parts) {
+  const bd_model *model = at->model;
+  const bd_info *info = &model->info;
+  const int j = at->pulley, m = model->mount_of[j];
+  if (m < 0 || is_path(&model->mounts[m])) {
+    return 0;
+  }
+  const bd_mounted *mount = &model->mounts[m];
+  const double square = mount->lever * mount->lever;
+  const double links = model->geometry.code == BD_OK
+                           ? model->wraps[j].wrap * model->radius[j] / info->link_length
+                           : 0.0;
+  const double contact =
+      bd_contact_stiffness(info->contact_quadratic, info->contact_linear, at->normal);
+  const double stiffness = mount->stiffness + mount->stop_stiffness * mount->has_stops +
+                           mount->friction * mount->adapts + links * contact * square;
+  const double damping =
+      mount->damping + mount->stop_damping * mount->has_stops +
+      links * square * bd_contact_damping(model, info->contact_damping, at->normal);
+  parts[0] = (bd_stiff){.of = BD_STIFF_OWN,
+                        .what = "a mount of very small inertia",
+                        .stiffness = stiffness / mount->inertia,
+                        .damping = damping / mount->inertia};
+  return 1;
 }
 
 long bd_bounces(const bd_plan *plan, const double *y, const double *y_new) {

@@ -362,7 +362,7 @@ int bd_model_energy_terms(const bd_model *model, int *terms) {
     for (int e = 0; e < n_effects; ++e) {
       has |= effects[e]->store > 0 && effects[e]->store == c;
       for (int k = 0; k < effects[e]->n_works; ++k) {
-        has |= column_of[effects[e]->works[k]] == c;
+        has |= column_of[effects[e]->works[k].row] == c;
       }
     }
     if (has && terms) {
@@ -384,7 +384,8 @@ double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]
       effect->energy(plan, y, terms);
     }
     for (int k = 0; k < effect->n_works; ++k) {
-      terms[column_of[effect->works[k]]] = y[plan->model->lay.work + effect->works[k]];
+      const int work = effect->works[k].row;
+      terms[column_of[work]] = y[plan->model->lay.work + work];
     }
   }
   for (int c = 0; c < BD_N_ENERGY; ++c) {

@@ -176,7 +176,60 @@ typedef struct bd_derivatives {
   bd_coupling_tangent *couplings;
 } bd_derivatives;
 
-/* A row of the table in effects.c: another effect is another row, and the functions it names. */
+/* A body of one degree of freedom; by number shafts, then mounts, then rims and rings with a
+ * coupling. Entries of its place and speed in a state; the radius or lever at which the belt has
+ * hold of it. */
+typedef struct bd_freedom {
+  int pulley, place, speed;
+  double inertia, arm;
+} bd_freedom;
+
+static inline int bd_count_bodies(const bd_layout *lay) {
+  return lay->np + lay->nm + lay->nc;
+}
+bd_freedom bd_freedom_of(const bd_plan *plan, int body);
+
+/* A step to t, of length h, asked for what its method has not seen: an implicit one solved a linear
+ * system with g, an explicit one has g = h. */
+typedef struct bd_step {
+  double t, h, g;
+  const double *y, *y_new, *weights;
+  int implicit;
+} bd_step;
+
+/* What makes pulley `pulley` of a drive stiff (stiffness.c) is asked for at a tension [N]. */
+typedef struct bd_stiff_at {
+  const bd_model *model;
+  const bd_torque_set *set; /* NULL: not known */
+  int pulley;
+  double tension, normal; /* on a link */
+  double wrap;
+  double inertia; /* of the shaft, infinite if its motion is prescribed */
+} bd_stiff_at;
+
+/* A part of it, an oscillator of unit mass: of a LINK, or of a PULLEY, to which the others add; or
+ * a body of its OWN. rate: at which something in it adapts [1/s]. */
+enum { BD_STIFF_LINK, BD_STIFF_PULLEY, BD_STIFF_OWN };
+enum { BD_MOST_STIFF = 4 };
+typedef struct bd_stiff {
+  int of;
+  const char *what;
+  double stiffness, damping, rate;
+} bd_stiff;
+
+/* A work integral in the state's tail, W_...; of what is lost in dampers the name of its column,
+ * what messages say if energy came from there, and whether no power ever may. */
+typedef struct bd_work {
+  int row;
+  const char *name, *given;
+  int never;
+} bd_work;
+
+#define BD_LOST_IN(name, given, never)                                                             \
+  { W_##name, #name, given, never }
+
+/* An effect is a row, which stands with its functions; what is NULL or 0 it does not have. Another
+ * effect is another row, and its name in BD_EFFECTS. */
 typedef struct bd_effect {
   const char *name;
   /* What in a scene calls for it: groups of parameters, or gravity, motion, torque, friction; NULL:
@@ -190,23 +243,58 @@ typedef struct bd_effect {
   /* Keeps its derivatives at y, whose rate was the last to be evaluated. NULL: they are not known,
    * and implicit methods refuse the effect by its name (newton_system.c). */
   void (*tangent)(const bd_plan *plan, const double *y, bd_derivatives *out);
-  /* Scratch of its pass, and of its derivatives, in models that can have it; NULL: none. */
+  /* Scratch of its pass, and of its derivatives, in models that can have it. */
   void (*carve)(bd_carver *carver, bd_plan *plan, const bd_model *model);
   void (*carve_tangent)(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-  /* What happens to y between two steps; NULL: nothing. *changed: so much, over the scale of errors
-   * more than `tolerance`, that rates must be taken anew. */
+  /* What happens to y between two steps. *changed: so much, over the scale of errors more than
+   * `tolerance`, that rates must be taken anew. */
   int (*after_step)(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                     bd_error *err);
-  /* Row k of its outputs; NULL: it has none. */
+  /* What a step has not seen of it, as an error over the weights: a linear system whatever leaves
+   * the line along which it was linearised, any step what comes and goes within it. */
+  double (*unseen)(const bd_plan *plan, const bd_step *step);
+  /* What it has to do with how stiff a pulley is; how many parts, BD_MOST_STIFF at most. */
+  int (*stiffness)(const bd_stiff_at *at, bd_stiff *parts);
+  /* Its states in y as settling begins with them, the belt being at rest. */
+  void (*rest)(const bd_plan *plan, double *y);
+  /* Row k of its outputs. */
   void (*outputs)(bd_plan *plan, const double *y, const bd_output *out, size_t k);
-  /* Adds the energy it stores at y to the terms; NULL: it stores none. */
+  /* Adds the energy it stores at y to the terms. */
   void (*energy)(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-  int n_works, works[2]; /* its work integrals in the state's tail: W_... */
-  int calls;             /* its pass may call functions of the caller's: torques, motions */
-  int store;             /* column of the ledger of its own, BD_ENERGY_...; 0: none */
+  int n_works;
+  bd_work works[2];
+  int calls; /* its pass may call functions of the caller's: torques, motions */
+  int store; /* column of the ledger of its own, BD_ENERGY_... */
 } bd_effect;
 
-enum { BD_MAX_EFFECTS = 16 };
+/* In the order of their passes: joints set the links' rates, and the pulleys' pass those of the
+ * pulleys, others add to them; mass-proportional damping sees the accelerations of all. */
+#define BD_EFFECTS(X)                                                                              \
+  X(moving_centres)                                                                                \
+  X(joints)                                                                                        \
+  X(gravity)                                                                                       \
+  X(centrifugal)                                                                                   \
+  X(motion)                                                                                        \
+  X(axes)                                                                                          \
+  X(contact)                                                                                       \
+  X(pulleys)                                                                                       \
+  X(couplings)                                                                                     \
+  X(drag)                                                                                          \
+  X(mounts)                                                                                        \
+  X(paths)                                                                                         \
+  X(motion_torques)                                                                                \
+  X(mass_damping)
+
+#define X(name) extern const bd_effect bd_effect_##name;
+BD_EFFECTS(X)
+#undef X
+
+enum {
+#define X(name) BD_EFFECT_##name,
+  BD_EFFECTS(X)
+#undef X
+      BD_MAX_EFFECTS
+};
 
 /* The effects that this model and these options have, in the order of their passes; how many. */
 int bd_effects_of(const bd_model *model, const bd_plan_options *options,
@@ -215,7 +303,14 @@ int bd_effect_row(const bd_effect *effect); /* of the table */
 /* The scratch of all that this model can have. */
 void bd_effects_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_effects_carve_tangents(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-/* Settling only: speed of circulation. */
+/* What all that this model can have makes of y as settling begins, the belt being at rest. */
+void bd_effects_rest(const bd_plan *plan, double *y);
+/* Of effects that do not depend on the state, or whose derivatives are taken elsewhere. */
+void bd_tangent_none(const bd_plan *plan, const double *y, bd_derivatives *out);
+
+/* --- settling.c ------------------------------------------------------------------------------- */
+
+/* Speed of circulation, from the velocities of y, or the accelerations of a rate. */
 double bd_plan_circulation(const bd_plan *plan, const double *y);
 
 /* --- drag.c ---------------------------------------------------------------------------------- */
@@ -233,17 +328,10 @@ bd_resisting bd_coulomb_drag(double size, double omega, double w0);
  * at which a belt under this tension can run. */
 bd_resisting bd_resistance(const bd_drag *drag, double omega, double w0);
 double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j, double tension);
-/* Of all that resists pulley j by its own speed, drag and loads: how far the torque at y_new is
- * from the line through that at y, and the slope of this line. */
-bd_resisting bd_resistance_off_line(const bd_plan *plan, double t, const double *y,
-                                    const double *y_new, int j);
+/* What a step has not seen of all that resists pulleys by their own speed, drag and loads. */
+double bd_resistance_unseen(const bd_plan *plan, const bd_step *step);
 /* Torque of the drag on pulley j, in models with drag. */
 double bd_drag_torque(const bd_model *model, int j, double omega);
-int bd_drag_enabled(const bd_model *model, const bd_plan_options *options);
-int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
-void bd_drag_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-
 /* Torque of the drag on pulley j at a state, by its speed against the arm on which it may stand. */
 double bd_drag_torque_in(const bd_model *model, const double *y, int j);
 
@@ -254,9 +342,9 @@ double bd_drag_torque_in(const bd_model *model, const double *y, int j);
 void bd_mounts_put(const bd_plan *plan, const double *y);
 /* Of mount m at y, in the sense of its travel: of the belt. */
 double bd_mount_belt_force(const bd_plan *plan, const double *y, int m);
-/* What a linear system with g leaves out of the speed of mount m [rad/s or m/s], whose stop at
- * y_new is off the line from y: where it has come to the stop, or away. */
-double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_new, int m, double g);
+/* Stops that mounts have come to within a step, or away from. */
+double bd_stops_unseen(const bd_plan *plan, const bd_step *step);
+int bd_mounts_stiffness(const bd_stiff_at *at, bd_stiff *parts);
 /* Mounts that have come from y to y_new to a stop which throws them back. */
 long bd_bounces(const bd_plan *plan, const double *y, const double *y_new);
 /* At the start of a run: axes on a path must stand where it has them at t; their rate is set. */
@@ -280,19 +368,6 @@ int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err)
 
 /* --- couplings.c ------------------------------------------------------------------------------ */
 
-int bd_couplings_enabled(const bd_model *model, const bd_plan_options *options);
-const char *bd_couplings_label(const bd_plan *plan);
-int bd_couplings_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-void bd_couplings_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
-void bd_couplings_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-int bd_couplings_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                            bd_error *err);
-void bd_couplings_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-void bd_couplings_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
-/* What a linear system with g leaves out of the speeds at clutch c, which has engaged or come free
- * between y and y_new [rad/s]. */
-double bd_clutch_off_line(const bd_plan *plan, const double *y, const double *y_new, int c,
-                          double g);
 /* Bodies of the linear systems: shafts, mounts, rims with a coupling; that on which the belt runs
  * at pulley j. */
 static inline int bd_rim_body(const bd_layout *lay, int c) {
@@ -310,10 +385,19 @@ void bd_coupling_product(const bd_derivatives *at, const bd_model *model, double
 void bd_coupling_finish(const bd_derivatives *at, const bd_model *model, double g,
                         const double *rhs, double *c);
 
-/* --- centrifugal.c --------------------------------------------------------------------------- */
+/* --- stiffness.c ------------------------------------------------------------------------------ */
 
-int bd_centrifugal_enabled(const bd_model *model, const bd_plan_options *options);
-int bd_centrifugal_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+/* |lambda| of an oscillator of unit mass. */
+double bd_oscillator_rate(double stiffness, double damping);
+
+typedef struct bd_stiffness {
+  double bound;     /* of |lambda| [1/s], everything together */
+  const char *what; /* has the most to do with it */
+  int pulley;       /* and which pulley, -1: none in particular */
+} bd_stiffness;
+
+/* set: may be NULL. */
+bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set);
 
 /* --- plan.c ---------------------------------------------------------------------------------- */
 
@@ -371,6 +455,8 @@ void bd_plan_assign_contacts(bd_plan *plan, double *y);
 /* Squared distances from pulley j as contact has them: of the links' centres, or along links (after
  * bd_link_contact_see) of the nearest end at a joint. Scratch. */
 const double *bd_plan_distances(const bd_plan *plan, const double *y, int j);
+/* What of the effects a step has not seen, the largest. */
+double bd_plan_unseen(const bd_plan *plan, const bd_step *step);
 /* What the effects make of y after a step. */
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err);

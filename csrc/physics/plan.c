@@ -124,6 +124,32 @@ int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) 
   return BD_OK;
 }
 
+double bd_plan_unseen(const bd_plan *plan, const bd_step *step) {
+  double most = 0.0;
+  for (int k = 0; k < plan->n_effects; ++k) {
+    if (plan->effects[k]->unseen) {
+      most = fmax(most, plan->effects[k]->unseen(plan, step));
+    }
+  }
+  return most;
+}
+
+bd_freedom bd_freedom_of(const bd_plan *plan, int body) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const int m = body - lay->np, c = m - lay->nm;
+  if (m < 0) {
+    return (bd_freedom){body, lay->theta + body, lay->omega + body, model->inertia[body],
+                        model->radius[body]};
+  }
+  if (c < 0) {
+    return (bd_freedom){lay->mounted[m], lay->travel + m, lay->travel_speed + m,
+                        plan->mount_inertia[m], model->mounts[m].lever};
+  }
+  return (bd_freedom){lay->coupled[c], lay->rim_angle + c, lay->rim_speed + c,
+                      model->couplings[c].inertia, model->radius[lay->coupled[c]]};
+}
+
 int bd_plan_rate_of_belt(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   const int skipped = plan->skip_power;
   int code = BD_OK;

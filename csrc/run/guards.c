@@ -162,10 +162,14 @@ static double survey(bd_sim *sim, double *gap, int *link) {
     }
   }
   double terms[BD_N_ENERGY] = {0.0};
-  bd_mounts_energy(plan, sim->stepper.y, terms);
-  bd_couplings_energy(plan, sim->stepper.y, terms);
-  energy += terms[BD_ENERGY_kinetic] + terms[BD_ENERGY_mount] + terms[BD_ENERGY_gravity] +
-            terms[BD_ENERGY_coupling];
+  double stored = 0.0;
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->store) {
+      plan->effects[e]->energy(plan, sim->stepper.y, terms);
+      stored += terms[plan->effects[e]->store];
+    }
+  }
+  energy += terms[BD_ENERGY_kinetic] + stored + terms[BD_ENERGY_gravity];
   *gap = sqrt(widest) / model->info.link_length;
   return energy;
 }

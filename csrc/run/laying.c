@@ -82,22 +82,15 @@ int bd_lay_belt(const bd_plan *plan, double shift, double *y, double *turns, bd_
   int code = bd_belt_line_lay(&at.line, err);
   if (code == BD_OK) {
     place_on_line(&at, laid, laid + n, laid + 2 * n);
-    const bd_state state = {.x = laid,
-                            .y = laid + n,
-                            .phi = laid + 2 * n,
-                            .vx = zero,
-                            .vy = zero,
-                            .vphi = zero,
-                            .mu = zero,
-                            .slip = zero,
-                            .theta = zero,
-                            .omega = zero,
-                            .travel = travel,
-                            .travel_speed = zero,
-                            .mount_friction = zero,
-                            .rim_angle = zero,
-                            .rim_speed = zero,
-                            .windup = zero};
+    bd_state state = {
+#define X(symbol, name, size, scale, unit, text) .name = zero,
+        BD_STATE_FIELDS(X)
+#undef X
+    };
+    state.x = laid;
+    state.y = laid + n;
+    state.phi = laid + 2 * n;
+    state.travel = travel;
     code = bd_state_import(model, &state, y, turns, err);
   } else if (err && plan->offset) {
     memmove(err->field, "offset", sizeof "offset");

@@ -484,14 +484,7 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
     return code;
   }
   bd_stop(settling->sim, stepper->y);
-  for (int c = 0; c < model->lay.nc; ++c) {
-    stepper->y[model->lay.windup + c] = 0.0; /* at rest no torque goes through a coupling */
-  }
-  if (!stepper->plan.friction_on) {
-    for (int f = F_MU; f < bd_f_slip(&model->lay, model->lay.slots); ++f) {
-      memset(bd_field(&model->lay, stepper->y, f), 0, (size_t)model->lay.n * sizeof *stepper->y);
-    }
-  }
+  bd_effects_rest(&stepper->plan, stepper->y);
   settling->start_turns = stepper->turns;
   memcpy(settling->start, stepper->y, model->lay.size * sizeof *stepper->y);
   bd_stepper_weigh(stepper);

@@ -217,9 +217,6 @@ void bd_stepper_weigh_friction(bd_stepper *stepper);
 int bd_stepper_rate(bd_stepper *stepper, double t, double *y, double *dy);
 /* The rate at y, where it is not known yet, into stage[0]. */
 int bd_stepper_ensure_rate(bd_stepper *stepper);
-/* What mounts that meet a stop or leave it within a step do at its end, with g = h, or as far as a
- * linear system with g leaves it out: as an error. */
-double bd_stepper_error_of_stops(const bd_stepper *stepper, const double *y_new, double g);
 /* Longest step that the method in use is allowed to make, h at most. */
 double bd_stepper_longest(const bd_stepper *stepper, double h);
 /* Goes on from the finished step of length h: y_new becomes y, y the first state of the history,
@@ -243,7 +240,7 @@ void bd_implicit_add_torque_by_time(const bd_stepper *stepper, double *c, double
  * back. */
 int bd_implicit_prescribe(bd_stepper *stepper, double h, double g, double *c);
 /* What a linear system with g hides from the error estimate of a step of length h: y_new, at its
- * end or of its last stage, is off the line along which drag, loads and stops were linearised. */
+ * end or of its last stage, is off the line along which effects were linearised. */
 double bd_implicit_hidden_error(const bd_stepper *stepper, double h, double g, const double *y_new);
 /* At the end of a step: its ledger (middle: with the power in the step's middle), the next rate. */
 int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle);
@@ -287,16 +284,5 @@ void bd_torque_functions_check_sample(bd_stepper *stepper, double t, double h);
 /* The pulley whose torque function moves its speed by what errors may be, from one step to the
  * next; -1: none. */
 int bd_torque_functions_jumping(const bd_stepper *stepper);
-
-/* --- stiffness.c ----------------------------------------------------------------------------- */
-
-typedef struct bd_stiffness {
-  double bound;     /* of |lambda| [1/s], everything together */
-  const char *what; /* has the most to do with it */
-  int pulley;       /* and which pulley, -1: none in particular */
-} bd_stiffness;
-
-/* set: may be NULL. */
-bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set);
 
 #endif
