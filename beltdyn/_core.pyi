@@ -1,7 +1,7 @@
 """The C core's interface to Python: positional, strict. Users should use :mod:`beltdyn`."""
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,6 +21,33 @@ METHODS: tuple[str, ...]  # names of the integration methods, "auto" first
 #: Of the core's effects: name, and what calls for it with spaces between: groups of PARAMETERS,
 #: or gravity, motion, torque, friction; empty: settling alone has it.
 EFFECTS: tuple[tuple[str, str], ...]
+
+class BeltFacts(TypedDict):
+    """What there is to know of a belt model, a row of ``csrc/belts``: ``BD_BELT_FACTS``."""
+
+    name: str
+    text: str
+    nodes: str  # what n_bodies counts
+    note: str  # on results, or empty
+    mesh: str  # of Belt
+    model: str  # of Belt
+    fields: tuple[str, ...]  # of its nodes, in STATE_FIELDS
+    bends: int
+    mounts: int
+    tangents: int
+    stretches: int
+    at_joints: int
+    smooth: int
+    resists: int
+    shear: float
+    reach: float
+    least_span: float
+    explicit_share: float
+    error_by_local: float
+    error_by_balance: float
+    implicit_cost: float
+
+BELTS: tuple[BeltFacts, ...]
 MAX_STRAIN: float
 MAX_LINKS: int
 
@@ -93,7 +120,7 @@ class Model:
     @property
     def sizes(self) -> dict[str, int]: ...  # values of fields and outputs of each size
     @property
-    def belt_model(self) -> str: ...  # "links" or "string"
+    def belt(self) -> str: ...  # name of its row in BELTS
     @property
     def rest(self) -> NDArray[np.float64]: ...  # travels of the mounts in equilibrium
     @property

@@ -16,7 +16,7 @@ from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, Frictionless, law_or_none
 from .mounts import Path, travel_text
-from .parts import Belt, Contact, Pulley, as_pulleys
+from .parts import BELTS, Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .run_warnings import RunWarning
@@ -202,7 +202,12 @@ class Params:
     @property
     def belt_model(self) -> str:
         """What the belt is made of: "links" or, without bending, "string" (``belt.model``)."""
-        return self._model.belt_model
+        return self._belt_facts["model"]
+
+    @property
+    def _belt_facts(self) -> _core.BeltFacts:
+        """What sets its belt model apart from others."""
+        return BELTS[self._model.belt]
 
     @property
     def effective_belt(self) -> Belt:
@@ -372,8 +377,8 @@ class Params:
         rows = {name: others for name, *others in self.effective_belt._rows()}
         if self.belt.model == "auto":
             rows["model"][0] = f"auto ({self.belt_model})"
-        if self.belt_model == "string":
-            rows["n_bodies"][1] = "number of point masses, n_b"
+        if (nodes := self._belt_facts["nodes"]) != "links":
+            rows["n_bodies"][1] = f"number of {nodes}, n_b"
         return [(f"belt.{name}", quantity, text) for name, (quantity, text) in rows.items()]
 
     def _mounts_at_rest(self) -> list[str]:

@@ -37,8 +37,8 @@ from .places import AlongBelt, along, momentum_flux, routes
 from .report import Report, creep_of, make_report, speed_errors
 from .rounding import rounded
 from .run_warnings import RunWarning
-from .sanity import PAPERS_MESH, bodies
-from .spans import span_tension
+from .sanity import bodies
+from .spans import has_angles, span_tension
 from .state import State
 
 __all__ = ["Result"]
@@ -276,7 +276,7 @@ class Result:
         """Give :meth:`along_belt` at some of the samples."""
         group, _, field = name.partition(".")
         values = getattr(getattr(self, group), field)[rows]
-        needed = ("x", "y") if self.params.belt_model == "string" else ("x", "y", "phi")
+        needed = ("x", "y", "phi") if has_angles(self.params) else ("x", "y")
         belt = {one: getattr(self.belt, one)[rows] for one in needed}
         travel = self._travel()
         travel = None if travel is None else travel[rows]
@@ -449,8 +449,8 @@ class Result:
                     against = f"  speed lost against {names[0]}"
                     rows.append((against, listed(100 * slip, None, names[1:], " %")))
         rows += self.accuracy.summary()
-        if self.params.belt.mesh == "paper":
-            rows.append(("  mesh", PAPERS_MESH))
+        if note := self.params._belt_facts["note"]:
+            rows.append(("  mesh", note))
         if self.t.size and self.energy is not None and self._has("energy"):
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]
             share = f"{abs(residual) / passed:.2g} of {passed:.3g} J" if passed > 0 else "nothing"

@@ -132,25 +132,9 @@ static void row_joints(bench *b) {
 }
 
 static void contact(bench *b, int ledger) {
-  bd_plan *plan = &b->plan;
-  for (int j = 0; j < b->model->lay.np; ++j) {
-    bd_sums sums;
-    const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
-    if (b->model->along_links) {
-      plan->kernels->press[ledger](&plan->links, pulley, plan->search.n_runs[j], runs,
-                                   &plan->pressure, &plan->forces, b->y, &sums);
-      if (pulley->law != BD_LAW_NONE) {
-        plan->kernels->rub[pulley->law][ledger](&plan->links, pulley, plan->search.n_runs[j], runs,
-                                                &plan->points, &plan->pressure, &plan->forces, b->y,
-                                                b->stage[0], &sums);
-      }
-    } else {
-      plan->kernels->contact[pulley->law][ledger](&plan->links, pulley, plan->search.n_runs[j],
-                                                  runs, b->y, b->stage[0], &sums);
-    }
-    sink += sums.torque + sums.friction_loss;
-  }
+  b->plan.skip_power = !ledger;
+  b->model->belt_model->contact(&b->plan, b->y, b->stage[0]);
+  sink += b->plan.friction[0];
 }
 
 static void row_contact(bench *b) {

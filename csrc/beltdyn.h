@@ -83,6 +83,27 @@ enum { BD_MESH_PAPER, BD_MESH_JOINT };
  * no bending; a string where there is no bending and the mesh is BD_MESH_JOINT, else links. */
 enum { BD_BELT_AUTO, BD_BELT_LINKS, BD_BELT_STRING };
 
+/* The belt models that there are, and what is told of one. */
+enum {
+#define X(symbol) BD_BELT_MODEL_##symbol,
+  BD_BELTS(X)
+#undef X
+      BD_N_BELT_MODELS
+};
+
+typedef struct bd_belt_facts {
+#define X(name, text) const char *name;
+  BD_BELT_TEXTS(X)
+#undef X
+#define X(type, name, text) type name;
+  BD_BELT_FACTS(X)
+#undef X
+  int mesh, model; /* of a bd_belt that asks for it: BD_MESH_..., BD_BELT_... */
+  unsigned fields; /* of BD_STATE_FIELDS, those of LINKS that its nodes have: a bit each */
+} bd_belt_facts;
+
+const bd_belt_facts *bd_belt_facts_at(int row); /* BD_BELT_MODEL_...; NULL: there is none */
+
 #define X(group, name, rule, unit, text) BD_TYPE_##rule name;
 typedef struct bd_belt {
   BD_BELT(X)
@@ -247,7 +268,7 @@ enum {
 size_t bd_size(const bd_info *of, int size);
 const char *bd_size_name(int size); /* NULL past the last */
 
-int bd_model_is_string(const bd_model *model);
+int bd_model_belt(const bd_model *model); /* row of its belt, BD_BELT_MODEL_... */
 /* Travels of the mounts (n_mounts) in equilibrium with the belt; where there is none
  * (bd_model_check_geometry) those of the scene, 0. Centres of all pulleys (n_p, 2) [m] at travels.
  */

@@ -104,6 +104,32 @@
 #define BD_TYPE_LINKS int
 #define BD_TYPE_FLAG int
 
+/* Belt models: X(symbol). Each is a row of its own file in csrc/belts/; where the scene leaves it
+ * open, the last that its mesh and its bending allow. */
+#define BD_BELTS(X) X(joint) X(string) X(paper)
+
+/* What is told of them, texts and facts, by those who ask: X(type, name, text). */
+#define BD_BELT_TEXTS(X)                                                                           \
+  X(name, "of the row")                                                                            \
+  X(text, "what its nodes are, and where they meet the pulleys")                                   \
+  X(nodes, "what n_bodies counts")                                                                 \
+  X(note, "on results; empty: none")
+#define BD_BELT_FACTS(X)                                                                           \
+  X(int, bends, "joints may resist bending")                                                       \
+  X(int, mounts, "pulleys may stand on mounts")                                                    \
+  X(int, tangents, "nodes lie on pulleys as tangents, longer than their arcs; else as chords")     \
+  X(int, stretches, "chords stretch along themselves; else at the joints, along the circle")       \
+  X(int, at_joints, "friction acts at the joints; else at the nodes")                              \
+  X(int, smooth, "contact is of lengths of belt, and sets in without a jump; else of points")      \
+  X(int, resists, "components of a joint's stretch that it resists")                               \
+  X(double, shear, "m l0^2 / I_z of a link: 12 along it, 4 with its mass at the ends")             \
+  X(double, reach, "of contact: so many links before and behind a node add to what acts there")    \
+  X(double, least_span, "of what is told apart [links]; 0: any")                                   \
+  X(double, explicit_share, "of the stability limit, that adaptive explicit steps may take")       \
+  X(double, error_by_local, "estimated error over local errors")                                   \
+  X(double, error_by_balance, "estimated error over what the balance of energy misses")            \
+  X(double, implicit_cost, "CPU time of an implicit step over an explicit one, measured")
+
 /* Sizes of fields of a state and of sampled outputs: X(size, count), the count from `of`, a
  * bd_info. PLANE: of vectors (x, y); ENERGY: columns of the
  * ledger, which the drive alone does not decide. */
@@ -120,11 +146,11 @@
   X(ENERGY, 0)
 
 /* Fields of a state, in the order of the state vector: X(symbol, name, size, scale, unit, text).
- * size: of BD_SIZES, first those of links, at last those of pulleys and parts. scale:
- * what errors are measured by (bd_state_scale): the STRETCH of a joint at rest, that as a SPEED,
- * both over a lever arm (TURN, SPIN), the FRICTION law's own, GRIP that of a mount, WINDUP that of
- * a coupling; NONE: errors are not looked at. With time they are the physical state; to go on bit
- * for bit a run needs more (bd_sim_export). */
+ * size: of BD_SIZES, first those of links, of which a belt has some, by its model, at last those of
+ * pulleys and parts. scale: what errors are measured by (bd_state_scale): the STRETCH of a joint at
+ * rest, that as a SPEED, both over a lever arm (TURN, SPIN), the FRICTION law's own, GRIP that of a
+ * mount, WINDUP that of a coupling; NONE: errors are not looked at. With time they are the physical
+ * state; to go on bit for bit a run needs more (bd_sim_export). */
 #define BD_STATE_FIELDS(X)                                                                         \
   X(X, x, LINKS, STRETCH, "m", "mass centre of the link")                                          \
   X(Y, y, LINKS, STRETCH, "m", "mass centre of the link")                                          \

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import attrs
 
@@ -92,13 +92,13 @@ class Step:
         return self.alone - sum(one.per_step for one in self.passes)
 
 
-def size_of(sim: _core.Simulation, string: bool) -> StateSize:
-    """Give the size of the state of a run; that of a string has no angles of links."""
+def size_of(sim: _core.Simulation, own: Sequence[str]) -> StateSize:
+    """Give the size of the state of a run, whose nodes have fields of their own."""
     state, sizes = sim.state(), sim.sizes
     parts: dict[str, int] = {}
     fields: dict[str, tuple[str, ...]] = {}
     for name, size in SIZES.items():
-        if string and name in ("phi", "vphi"):
+        if size == "LINKS" and name not in own:
             continue
         part = _FRICTION if size in ROWS else size.lower()
         parts[part] = parts.get(part, 0) + int(state[name].size)

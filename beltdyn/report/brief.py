@@ -8,7 +8,6 @@ from collections.abc import Iterator
 
 from ..html import paragraphs
 from ..rounding import rounded
-from ..sanity import PAPERS_MESH
 from . import digits, text
 from .digits import (
     NONE,
@@ -224,8 +223,8 @@ def _closing(report: Told) -> Iterator[str]:
     if report.powers:
         yield f"Power: {_balance(report)}."
     yield report.accuracy.sentence()
-    if text.of_paper(report):
-        yield f"{PAPERS_MESH}."
+    if note := text.note_on_mesh(report):
+        yield f"{note}."
     if report.warnings:
         yield f"Warnings: {', '.join(_named(report))} (in full: result.warnings)."
     many = len(report.notes)

@@ -9,8 +9,8 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+from .. import _core
 from ..html import paragraphs, table_of
-from ..sanity import PAPERS_MESH
 from . import digits
 from .cycles import CLASSES
 from .digits import (
@@ -32,7 +32,7 @@ __all__ = [
     "columns",
     "html",
     "lines",
-    "of_paper",
+    "note_on_mesh",
     "of_tables",
     "opening",
     "slips",
@@ -239,9 +239,14 @@ def _slip(report: Told) -> Table:
     )
 
 
-def of_paper(report: Told) -> bool:
-    """Tell whether the mesh is the paper's, and raises tensions enough to be warned of."""
-    return any(PAPERS_MESH in one.text for one in report.warnings)
+def note_on_mesh(report: Told) -> str:
+    """Give what there is to know of a mesh whose error is large enough to be warned of."""
+    notes = (row["note"] for row in _core.BELTS)
+    return next((one for one in notes if one and _warned(report, one)), "")
+
+
+def _warned(report: Told, text: str) -> bool:
+    return any(text in one.text for one in report.warnings)
 
 
 def slips(report: Told) -> list[str]:
@@ -276,7 +281,7 @@ def _when(report: Told, row: PulleyRow) -> str:
         least = digits.margin(report, row.least_margin)
         worst = f"{least}-fold at the worst instant, t = {row.worst_time:.4g} s"
         told.append(f"but {worst}" if told else f"when all loads have grown {worst}")
-    if told and of_paper(report):
+    if told and note_on_mesh(report):
         told.append("on the paper's mesh; the drive's own margin is lower")
     return ", ".join(told)
 

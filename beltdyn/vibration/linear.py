@@ -198,8 +198,9 @@ def linearise(
 
 
 def _unknowns(params: Params, core: Mapping[str, Any]) -> tuple[Any, NDArray[np.intp]]:
-    left_out = {"slip", "rim_angle"} | ({"phi", "vphi"} if params.belt_model == "string" else set())
-    sizes = {name: np.size(core[name]) for name in _SIZES if name not in left_out}
+    own = params._belt_facts["fields"]
+    used = (name for name, size in _SIZES.items() if size != "LINKS" or name in own)
+    sizes = {name: np.size(core[name]) for name in used if name not in ("slip", "rim_angle")}
     names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
     return names, np.concatenate([np.arange(size) for size in sizes.values()])
 

@@ -20,6 +20,7 @@ from ..mounts import Arm
 from ..naming import span_name
 from ..params import Params
 from ..route import route_at
+from ..spans import has_angles
 from .linear import Complex, Linear
 
 __all__ = [
@@ -94,7 +95,7 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
     mass, turning = float(info["link_mass"]), float(info["link_inertia"])
     vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
     whole = mass * (abs(vx) ** 2 + abs(vy) ** 2)
-    if params.belt_model != "string":
+    if has_angles(params):
         whole += turning * abs(linear.field(vectors, "vphi")) ** 2
     n_p, n = len(params.pulleys), vectors.shape[1]
     across = np.zeros((n, n_p))
@@ -129,7 +130,7 @@ def weighted(linear: Linear, vectors: Complex) -> Complex:
     weights: dict[str, Any] = {
         "vx": mass,
         "vy": mass,
-        "vphi": 0.0 if params.belt_model == "string" else turning,
+        "vphi": turning if has_angles(params) else 0.0,
         "omega": inertia[:, None],
         "rim_speed": params.coupled_inertias[:, None],
         "travel_speed": carried[:, None],

@@ -63,6 +63,11 @@ PyObject *bd_core_tuple(PyObject *list);
     Py_CLEAR(dict);                                                                                \
   }
 
+/* --- model.c -----------------------------------------------------------------------------------
+ */
+
+extern const char *const bd_core_meshes[], *const bd_core_belt_models[]; /* names of bd_belt's */
+
 /* --- scene ----------------------------------------------------------------------------------- */
 
 /* A tuple of the parameters of one group, in their order, into its C struct; called `label` in

@@ -115,8 +115,8 @@ void bd_core_state_release(bd_core_state *state) {
 
 /* --- Model ----------------------------------------------------------------------------------- */
 
-static const char *const meshes[] = {[BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] = "joint", NULL};
-static const char *const belt_models[] = {
+const char *const bd_core_meshes[] = {[BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] = "joint", NULL};
+const char *const bd_core_belt_models[] = {
     [BD_BELT_AUTO] = "auto", [BD_BELT_LINKS] = "links", [BD_BELT_STRING] = "string", NULL};
 
 /* The place of a name in a list of them, which `choices` is in words. */
@@ -162,8 +162,8 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     return NULL;
   }
   scene.pulleys = pulleys;
-  if (read_choice("mesh", mesh, meshes, "\"joint\" or \"paper\"", &scene.belt.mesh) < 0 ||
-      read_choice("model", belt_model, belt_models, "\"auto\", \"links\" or \"string\"",
+  if (read_choice("mesh", mesh, bd_core_meshes, "\"joint\" or \"paper\"", &scene.belt.mesh) < 0 ||
+      read_choice("model", belt_model, bd_core_belt_models, "\"auto\", \"links\" or \"string\"",
                   &scene.belt.model) < 0) {
     PyMem_Free(pulleys);
     Py_DECREF(keep);
@@ -309,9 +309,9 @@ static PyObject *model_set_going(PyObject *object, PyObject *args, PyObject *key
   return result;
 }
 
-static PyObject *model_belt_model(PyObject *object, void *Py_UNUSED(closure)) {
-  const int string = bd_model_is_string(((bd_core_model *)object)->model);
-  return PyUnicode_FromString(belt_models[string ? BD_BELT_STRING : BD_BELT_LINKS]);
+static PyObject *model_belt(PyObject *object, void *Py_UNUSED(closure)) {
+  const int row = bd_model_belt(((bd_core_model *)object)->model);
+  return PyUnicode_FromString(bd_belt_facts_at(row)->name);
 }
 
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
@@ -437,8 +437,7 @@ static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
-    {"belt_model", model_belt_model, NULL, "What the belt is made of: \"links\" or \"string\".",
-     NULL},
+    {"belt", model_belt, NULL, "Name of its row in BELTS.", NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
     {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
     {"sizes", model_sizes, NULL,

@@ -348,6 +348,40 @@ static PyObject *method_names(void) {
   return bd_core_tuple(list);
 }
 
+static PyObject *names_of_fields(unsigned fields) {
+  static const char *const names[] = {
+#define X(symbol, name, size, scale, unit, text) #name,
+      BD_STATE_FIELDS(X)
+#undef X
+  };
+  PyObject *list = PyList_New(0);
+  for (size_t f = 0; list && f < sizeof names / sizeof names[0]; f++) {
+    list = fields >> f & 1u ? bd_core_append(list, PyUnicode_FromString(names[f])) : list;
+  }
+  return bd_core_tuple(list);
+}
+
+static PyObject *belt_table(void) {
+  PyObject *list = PyList_New(0);
+  for (int row = 0; list && row < BD_N_BELT_MODELS; row++) {
+    const bd_belt_facts *facts = bd_belt_facts_at(row);
+    PyObject *dict =
+        Py_BuildValue("{s:s, s:s, s:N}", "mesh", bd_core_meshes[facts->mesh], "model",
+                      bd_core_belt_models[facts->model], "fields", names_of_fields(facts->fields));
+#define X(name, text)                                                                              \
+  if (dict && bd_core_set(dict, #name, PyUnicode_FromString(facts->name)) < 0) {                   \
+    Py_CLEAR(dict);                                                                                \
+  }
+    BD_BELT_TEXTS(X)
+#undef X
+#define X(type, name, text) BD_CORE_SET_NUMBER(dict, *facts, name)
+    BD_BELT_FACTS(X)
+#undef X
+    list = bd_core_append(list, dict);
+  }
+  return bd_core_tuple(list);
+}
+
 static PyObject *effect_table(void) {
   PyObject *list = PyList_New(0);
   for (int k = 0; list && bd_effect_name(k); k++) {
@@ -397,6 +431,7 @@ static int add_tables(PyObject *module) {
                  add(module, "ERRORS", error_table()) < 0 ||
                  add(module, "METHODS", method_names()) < 0 ||
                  add(module, "EFFECTS", effect_table()) < 0 ||
+                 add(module, "BELTS", belt_table()) < 0 ||
                  add(module, "MAX_STRAIN", PyFloat_FromDouble(BD_MAX_STRAIN)) < 0 ||
                  add(module, "MAX_LINKS", PyLong_FromLong(BD_MAX_LINKS)) < 0 ||
                  add(module, "__version__", PyUnicode_FromString(BD_VERSION)) < 0

@@ -57,22 +57,22 @@ typedef struct bd_run {
 typedef struct bd_sums {
   double torque, contact_loss, friction_loss;
   double contact_energy; /* of press, where power is asked for */
-  double force[2];       /* on the belt, of a string */
+  double force[2];       /* on the belt, of contact in one pass */
 } bd_sums;
 
 enum { BD_MAX_STAGES = 7, MAX_VECTORS = 8 };
 
 struct bd_newton_kernels;
 
+/* At one instruction level, of one belt model; what its belts do not need is NULL. */
 typedef struct bd_kernels {
   const char *level;
-  const struct bd_newton_kernels *newton, *centres; /* centres: contact of links' centres */
-  const struct bd_kernels *string;                  /* for belts that are strings; NULL in those */
+  const struct bd_newton_kernels *newton;
   /* Sets the link blocks of dy: velocities, joint accelerations, zero friction rates; returns the
    * power lost in the joints' dampers. Variants [bending][ledger]. */
   double (*joints[2][2])(const bd_links *links, const double *y, double *dy);
-  /* Adds the contact of the links' centres, or of a string along its bars, in the runs with one
-   * pulley. Variants [law][ledger]. */
+  /* Adds the contact in the runs with one pulley, of belts that have it in one pass: of the links'
+   * centres, or of a string along its bars. Variants [law][ledger]. */
   void (*contact[BD_N_LAWS][2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                                 const bd_run *runs, const double *y, double *dy, bd_sums *sums);
   /* Contact along the links. Directions of the links at y, into links->cos, sin, for all that
@@ -97,12 +97,11 @@ typedef struct bd_kernels {
   void (*sum_forces)(int n_runs, const bd_run *runs, const bd_end_forces *forces, double out[2]);
   /* After a step, the first block of BD_LANES links in [begin, end) with a contact event: a link
    * that has come to this pulley or left it, whose friction state is to be reset or is out of
-   * bounds, or that is half a radius deep; `end` if none. owner: of the pulley's slot. Variants
-   * [along links: by nearest_ends][friction].
-   */
-  int (*find_contact_event[2][2])(const bd_links *links, const bd_contact_pulley *pulley, int index,
-                                  const double *owner, const double *nearest, const double *y,
-                                  int begin, int end);
+   * bounds, or that is half a radius deep; `end` if none. owner: of the pulley's slot; nearest: as
+   * nearest_ends gave it. Variants [friction]. */
+  int (*find_contact_event[2])(const bd_links *links, const bd_contact_pulley *pulley, int index,
+                               const double *owner, const double *nearest, const double *y,
+                               int begin, int end);
   /* An element of a friction law at one link; the law's bound, and the element's kinetic
    * coefficient. [law] */
   void (*law[BD_N_LAWS])(const bd_friction *friction, double l0, int element, double z, double v,
@@ -120,7 +119,9 @@ typedef struct bd_kernels {
                        const double *w);
 } bd_kernels;
 
+/* Of the best level, or that which is asked for, by belt model; NULL: the processor lacks it. */
 const bd_kernels *bd_kernels_choose(void);
+extern const bd_kernels bd_kernels_baseline[BD_N_BELT_MODELS];
 
 /* --- linear systems of the implicit methods: jacobian.h, ring.h ------------------------------ */
 
@@ -234,7 +235,5 @@ typedef struct bd_newton_kernels {
                          double *cslip);
   double (*sum_runs)(int n_runs, const bd_run *runs, const double *array);
 } bd_newton_kernels;
-
-extern const bd_newton_kernels bd_newton_baseline, bd_newton_string_baseline;
 
 #endif

@@ -27,6 +27,8 @@ typedef struct bd_route {
   double length;
 } bd_route;
 
+typedef struct bd_belt_model bd_belt_model;
+
 /* A mount with all its numbers, places relative to the origin (MODEL section 5). Of a slider the
  * hung weight is in inertia and preload; of a path only t, points and slopes have a meaning. */
 typedef struct bd_mounted {
@@ -63,10 +65,9 @@ struct bd_model {
   bd_belt belt;
   bd_contact contact;
   int has_friction, has_bending, has_gravity;
-  int along_links;            /* mesh "joint": contact along the links, their mass at their ends */
-  double shear;               /* m l0^2 / I_z of a link: 12, or 4 */
-  int friction_scales_differ; /* of the laws' states (bd_friction_state_scale), from pulley to
-                                 pulley */
+  const bd_belt_model *belt_model; /* its row of the table in belts/ */
+  int friction_scales_differ;      /* of the laws' states (bd_friction_state_scale), from pulley to
+                                      pulley */
   double gravity[2], origin[2];
   bd_layout lay;
   double *cx, *cy, *radius; /* centres relative to the origin */
@@ -91,6 +92,70 @@ struct bd_model {
   int *coupled, *rim;    /* of the layout */
   const bd_kernels *kernels;
 };
+
+/* --- belts/ ----------------------------------------------------------------------------------- */
+
+typedef struct bd_plan bd_plan; /* physics/physics.h */
+
+/* A joint as outputs see it: stretch along the belt there, its rate, square of the whole stretch;
+ * the angle between its nodes. And the direction of the node on whose left it is. */
+typedef struct bd_joint {
+  double along, rate, squared, turn, cos, sin;
+} bd_joint;
+
+/* The contact at a node, or at the joint on its left, as outputs see it: where friction acts; the
+ * share of the belt there that touches, 0: none; the normal force under which, the least of its
+ * parts, and what of it acts there too. */
+typedef struct bd_touch {
+  double x, y, vx, vy, share, normal, least, acts;
+} bd_touch;
+
+/* A belt model, a row of the table in belts/belts.c: another one is another file there, the kernels
+ * that it names, and a row. Functions are of whole belts but for `distance`, which is none of a
+ * run; what is done for every node in every step is in kernels. */
+struct bd_belt_model {
+  bd_belt_facts facts;
+  const char *joints_text[2]; /* for result.effects, without bending and with */
+  /* --- the model's: the way into a run and out of it */
+  /* Least distance from a point of what touches at node i. */
+  double (*distance)(const bd_model *model, const bd_state *state, int i, const double point[2]);
+  /* Directions and their rates where they are no fields of the state, continuous along the belt;
+   * either may be NULL. Itself NULL: they are fields. */
+  void (*directions)(const bd_layout *lay, const double *y, double *phi, double *vphi);
+  /* Nodes along the belt line, node 0 `shift` past its place [m]: where settling begins. */
+  void (*lay)(const bd_model *model, const bd_route *line, double shift, double *x, double *y,
+              double *phi);
+  /* Velocities of a belt that runs along itself at a speed in its spans. */
+  void (*set_going)(const bd_plan *plan, double *y, double speed);
+  /* --- physics: the effects "joints" and "contact" */
+  void (*carve)(bd_carver *carver, bd_plan *plan, const bd_layout *lay); /* NULL: no scratch */
+  /* Adds contact and friction of all pulleys to the rate. */
+  void (*contact)(bd_plan *plan, double *y, double *dy);
+  /* Squared distances from pulley j of nodes [begin, end), after bd_plan_see and bd_plan_near. */
+  void (*distances)(const bd_plan *plan, const double *y, int j, int begin, int end, double *out);
+  /* All joints at a state; directions of its nodes if they are known, else NULL. */
+  void (*joints_at)(const bd_plan *plan, const double *y, const double *co, const double *si,
+                    bd_joint *out);
+  /* The contact of pulley j, after bd_plan_see: at the nodes on its list; the normal force on the
+   * belt that does not act there; its stored energy, added. */
+  void (*contact_at)(const bd_plan *plan, const double *y, int j, bd_touch *out, double force[2],
+                     double *energy);
+  /* Its stored energy alone, added; whether anything touches. */
+  int (*contact_energy)(const bd_plan *plan, const double *y, int j, double *energy);
+  /* Sum of squares of what the joints' stretches in two states, of plans of their own whose rates
+   * were the last to be evaluated there, are apart. */
+  double (*apart)(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);
+};
+
+/* Of a polygon whose links turn by 2 a each: the speed of their centres, as it turns about the axis
+ * of its pulley, over that of a straight span. */
+static inline double bd_slower_inside(double a) {
+  return fabs(a) > 1e-6 ? a / tan(a) : 1.0;
+}
+
+/* The row that a belt asks for, NULL: there is none; refuses what no row is. */
+const bd_belt_model *bd_belt_model_of(const bd_belt *belt);
+int bd_belt_check(const bd_belt *belt, bd_error *err);
 
 /* --- parameters.c ----------------------------------------------------------------------------- */
 
@@ -285,9 +350,6 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
 void bd_state_put(const bd_layout *lay, const bd_state *state, double shift_x, double shift_y,
                   double *y);
 void bd_state_export(const bd_model *model, const double *y, double turns, bd_state *state);
-/* Of a string: direction of the bar behind each mass, continuous along the belt, and its rate;
- * either may be NULL. */
-void bd_state_directions(const bd_layout *lay, const double *y, double *phi, double *vphi);
 /* Moves whole turns from phi to *turns once they would cost digits. */
 void bd_state_wind(const bd_layout *lay, double *y, double *turns);
 /* The first link whose angle does not run on from that of the one before, -1: none. Angles close

@@ -53,9 +53,10 @@ static int check_path(const bd_mount *mount, int j, bd_error *err) {
 int bd_mount_check(const bd_scene *scene, int j, bd_error *err) {
   const bd_pulley *pulley = &scene->pulleys[j];
   const bd_mount *mount = pulley->mount;
+  const bd_belt_model *belt = bd_belt_model_of(&scene->belt);
   char label[40];
   snprintf(label, sizeof label, "pulleys[%d].mount", j);
-  if (scene->belt.mesh != BD_MESH_JOINT) {
+  if (belt && !belt->facts.mounts) {
     return bd_fail_at(err, BD_ERR_PARAMETER, label, (double)NAN, -1, j, (double)NAN,
                       "%s: a pulley with a mount needs belt.mesh \"joint\"", label);
   }

@@ -140,8 +140,8 @@ static int check_finite(const bd_layout *lay, const bd_state *state, bd_error *e
 }
 
 int bd_state_wrapped(const bd_model *model, const double *phi, double *turn) {
-  const int n = model->lay.string ? 0 : model->lay.n;
-  for (int i = 0; i < n; ++i) {
+  const int n = model->lay.n;
+  for (int i = 0; bd_has_field(&model->lay, F_PHI) && i < n; ++i) {
     double closing = i == 0 ? 2.0 * BD_PI * model->info.winding : 0.0;
     *turn = phi[i] - phi[i > 0 ? i - 1 : n - 1] + closing;
     if (fabs(*turn) > 1.5 * BD_PI || fabs(phi[i]) > LARGEST_ANGLE) {
@@ -163,28 +163,18 @@ static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
   return BD_OK;
 }
 
-/* Bound of a link's friction state: of the law of the pulley that it touches, else, where it will
- * be reset, the largest of the slot's. */
+/* Whether the part of the belt that touches at node i touches pulley j. */
 static int touches(const bd_model *model, const bd_state *state, int i, int j) {
-  const double half = model->along_links ? 0.5 * model->info.link_length : 0.0;
   const int m = model->mount_of ? model->mount_of[j] : -1;
-  bd_place at = {.c = {model->cx[j], model->cy[j]}};
-  if (m >= 0) {
-    at = bd_mount_place(&model->mounts[m], state->travel[m]);
-  }
-  const double dx = state->x[i] - model->origin[0] - at.c[0];
-  const double dy = state->y[i] - model->origin[1] - at.c[1];
-  if (model->lay.string) {
-    const int next = i + 1 < model->lay.n ? i + 1 : 0;
-    const double bx = state->x[next] - state->x[i], by = state->y[next] - state->y[i];
-    return fmin(hypot(dx, dy), hypot(dx + bx, dy + by)) < model->contact_radius[j];
-  }
-  const double ex = half * cos(state->phi[i]), ey = half * sin(state->phi[i]);
-  return fmin(hypot(dx - ex, dy - ey), hypot(dx + ex, dy + ey)) < model->contact_radius[j];
+  const bd_place at = m >= 0 ? bd_mount_place(&model->mounts[m], state->travel[m])
+                             : (bd_place){.c = {model->cx[j], model->cy[j]}};
+  const double axis[2] = {model->origin[0] + at.c[0], model->origin[1] + at.c[1]};
+  return model->belt_model->distance(model, state, i, axis) < model->contact_radius[j];
 }
 
-/* Of a state's magnitude: that of its law, or where that has none FAR_STATE times its scale, which
- * no state of its own reaches. */
+/* Of a state's magnitude, by the law of the pulley that the node touches, else, where it will be
+ * reset, the largest of the slot's; where a law has none FAR_STATE times its scale, which no state
+ * of its own reaches. */
 static double friction_bound(const bd_model *model, const bd_state *state, int slot, int element,
                              int i) {
   double largest = 0.0;
@@ -198,8 +188,7 @@ static double friction_bound(const bd_model *model, const bd_state *state, int s
     if (used && isinf(bound)) {
       bound = FAR_STATE * bd_friction_state_scale(model, j, element);
     }
-    const int before = i > 0 ? i - 1 : model->lay.n - 1;
-    if (touches(model, state, i, j) || (model->along_links && touches(model, state, before, j))) {
+    if (touches(model, state, i, j)) {
       return bound;
     }
     largest = fmax(largest, bound);
@@ -296,32 +285,14 @@ void bd_state_export(const bd_model *model, const double *y, double turns, bd_st
       }
     }
   }
-  if (lay->string) {
-    bd_state_directions(lay, y, state->phi, state->vphi);
-  }
-}
-
-void bd_state_directions(const bd_layout *lay, const double *y, double *phi, double *vphi) {
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  double before = 0.0;
-  for (int i = 0; i < lay->n; ++i) {
-    const int next = i + 1 < lay->n ? i + 1 : 0;
-    const double dx = x[next] - x[i], dy = yy[next] - yy[i];
-    const double du = vx[next] - vx[i], dv = vy[next] - vy[i];
-    before += remainder(atan2(dy, dx) - before, 2.0 * BD_PI);
-    if (phi) {
-      phi[i] = before;
-    }
-    if (vphi) {
-      vphi[i] = (dx * dv - dy * du) / (dx * dx + dy * dy);
-    }
+  if (model->belt_model->directions) {
+    model->belt_model->directions(lay, y, state->phi, state->vphi);
   }
 }
 
 void bd_state_wind(const bd_layout *lay, double *y, double *turns) {
-  double *phi = lay->string ? NULL : bd_field(lay, y, F_PHI);
-  if (!phi || fabs(phi[0]) <= MAX_ANGLE) {
+  double *phi = bd_field(lay, y, F_PHI);
+  if (!bd_has_field(lay, F_PHI) || fabs(phi[0]) <= MAX_ANGLE) {
     return;
   }
   double whole = rint(phi[0] / (2.0 * BD_PI));

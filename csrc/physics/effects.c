@@ -20,11 +20,7 @@ static int always(const bd_model *model, const bd_plan_options *options) {
 }
 
 static const char *label_joints(const bd_plan *plan) {
-  if (plan->model->lay.string) {
-    return "string: axial spring-dampers between point masses";
-  }
-  return plan->bending_on ? "joints: axial and bending spring-dampers"
-                          : "joints: axial spring-dampers";
+  return plan->model->belt_model->joints_text[plan->bending_on];
 }
 
 static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
@@ -51,9 +47,9 @@ static int stiffness_of_joints(const bd_stiff_at *at, bd_stiff *parts) {
   const bd_info *info = &model->info;
   const double m = info->link_mass;
   parts[0] = (bd_stiff){.what = "the belt's joints",
-                        .stiffness = model->shear * info->joint_stiffness / m +
+                        .stiffness = model->belt_model->facts.shear * info->joint_stiffness / m +
                                      4.0 * info->bending_stiffness / info->link_inertia,
-                        .damping = model->shear * info->joint_damping / m +
+                        .damping = model->belt_model->facts.shear * info->joint_damping / m +
                                    4.0 * info->bending_damping / info->link_inertia};
   return 1;
 }
@@ -110,30 +106,10 @@ static const char *label_contact(const bd_plan *plan) {
 static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
-  double contact_loss = 0.0, friction_loss = 0.0;
   for (int j = 0; j < lay->np; ++j) {
     plan->contact_pulleys[j].omega = y[lay->rim[j]];
   }
-  if (plan->model->along_links && !lay->string) {
-    bd_link_contact_rate(plan, y, dy);
-    return BD_OK;
-  }
-  for (int j = 0; j < lay->np; ++j) {
-    bd_sums sums;
-    plan->kernels->contact[plan->contact_pulleys[j].law][!plan->skip_power](
-        &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
-        plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
-    plan->friction[j] = sums.torque;
-    const int m = plan->model->mount_of ? plan->model->mount_of[j] : -1;
-    if (m >= 0) { /* of a string */
-      plan->hub[2 * m] = -sums.force[0];
-      plan->hub[2 * m + 1] = -sums.force[1];
-    }
-    contact_loss += sums.contact_loss;
-    friction_loss += sums.friction_loss;
-  }
-  dy[lay->work + W_contact_loss] = contact_loss;
-  dy[lay->work + W_friction_loss] = friction_loss;
+  plan->model->belt_model->contact(plan, y, dy);
   return BD_OK;
 }
 
@@ -141,8 +117,10 @@ static void carve_contact(bd_carver *carver, bd_plan *plan, const bd_model *mode
   const bd_layout *lay = &model->lay;
   BD_CARVE(carver, plan->best, lay->n);
   BD_CARVE(carver, plan->touched, lay->n);
-  if (model->along_links) {
-    bd_link_contact_carve(carver, plan, lay);
+  BD_CARVE(carver, plan->joints, lay->n);
+  BD_CARVE(carver, plan->touches, lay->n);
+  if (model->belt_model->carve) {
+    model->belt_model->carve(carver, plan, lay);
   }
   BD_CARVE(carver, plan->contact_pulleys, lay->np);
   BD_KEEP(carver, plan->owner, lay->n8 * lay->slots);

@@ -132,8 +132,6 @@ void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay)
 
 /* --- effects.c ------------------------------------------------------------------------------- */
 
-typedef struct bd_plan bd_plan;
-
 /* The longest: with every law. */
 #define BD_LAW_TEXT(name, class, general, states, text) " with " text
 #define BD_CONTACT_NAME "contact" BD_LAWS(BD_LAW_TEXT) " without friction"
@@ -413,12 +411,14 @@ struct bd_plan {
   bd_points points; /* the joints as last evaluated, */
   double *nearest;  /* squared distance of each link's nearer end from a pulley, */
   bd_links seen;    /* and the links with directions of any other state than the rate's */
-  double *owner;    /* pulley that holds a friction slot, -1: none; (slots, n8) */
+  bd_joint *joints; /* scratch of the outputs, by node, */
+  bd_touch *touches;
+  double *owner; /* pulley that holds a friction slot, -1: none; (slots, n8) */
   bd_search search;
   bd_torque_set torques;
   double *torque;        /* M_d of the last evaluation */
   double *friction;      /* friction torque on each pulley */
-  double *best;          /* scratch of the outputs, per link: of contact, then of spans; */
+  double *best;          /* per link: of contact, then of spans; */
   int32_t *touched;      /* and the pulley it touches */
   double *hub;           /* force of the belt on each pulley with a mount (mounts, 2) */
   double *mount_inertia; /* of mounts; settling takes what makes them come to rest soonest */
@@ -452,8 +452,11 @@ void bd_plan_place(bd_plan *plan, double t, const double *y);
 /* Which pulley holds each friction slot, from positions alone, at the start of a run; friction
  * states of links on no pulley are reset. */
 void bd_plan_assign_contacts(bd_plan *plan, double *y);
-/* Squared distances from pulley j as contact has them: of the links' centres, or along links (after
- * bd_link_contact_see) of the nearest end at a joint. Scratch. */
+/* Before contact is asked of any other state than that of the last rate: directions there. Before
+ * the distances of nodes in these runs from a pulley are. */
+void bd_plan_see(const bd_plan *plan, const double *y);
+void bd_plan_near(const bd_plan *plan, const double *y, int j, int n_runs, const bd_run *runs);
+/* Squared distances from pulley j of all that touches at the nodes, after bd_plan_see. Scratch. */
 const double *bd_plan_distances(const bd_plan *plan, const double *y, int j);
 /* What of the effects a step has not seen, the largest. */
 double bd_plan_unseen(const bd_plan *plan, const bd_step *step);
@@ -476,21 +479,6 @@ int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_e
 /* In place of set torques those that the motions last evaluated need at y. */
 void bd_outputs_of_motion(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 
-/* --- link_contact.c -------------------------------------------------------------------------- */
-
-void bd_carve_pressure(bd_carver *carver, const bd_layout *lay, bd_pressure *pressure,
-                       bd_end_forces *forces);
-void bd_clear_end_forces(const bd_layout *lay, const bd_end_forces *forces);
-void bd_link_contact_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
-/* Adds contact and friction of all pulleys to the rate, from directions as last evaluated; the halo
- * of y is set. */
-void bd_link_contact_rate(bd_plan *plan, double *y, double *dy);
-/* Directions at y for what follows: a pulley's pressure (returns its stored energy), squared
- * distances of all links' nearer ends from a pulley, into the plan's scratch. */
-void bd_link_contact_see(const bd_plan *plan, const double *y);
-double bd_link_contact_press(const bd_plan *plan, const double *y, int j);
-void bd_link_contact_distances(const bd_plan *plan, const double *y, int j);
-
 /* --- search.c, on a plan --------------------------------------------------------------------- */
 
 /* Keeps the search list right for a step of length h from y: every link that can touch a pulley
@@ -505,6 +493,9 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
 /* Torque of friction on pulley j at a state; and, unless NULL, the force of its contact on the
  * belt, friction included. */
 double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]);
+/* Goes through the links listed near pulley j: the first one after i, -1 past the last; *run is 0
+ * and i -1 at the beginning. */
+int bd_next_near(const bd_plan *plan, int j, int *run, int i);
 /* Of the contact with pulley j: what its forces on the belt add up to without regard to sign, their
  * least normal force, and by how much rounding may shift their sum. */
 typedef struct bd_contact_rounding {
@@ -513,8 +504,12 @@ typedef struct bd_contact_rounding {
 } bd_contact_rounding;
 
 bd_contact_rounding bd_contact_rounding_of(const bd_plan *plan, const double *y, int j);
-/* Force in the joint on the left of link i. */
-double bd_joint_force(const bd_plan *plan, const double *y, int i);
+/* All joints at a state, with directions as the rate has them or anew. Scratch. */
+const bd_joint *bd_joints(const bd_plan *plan, const double *y, int with_rate);
+/* Force in a joint. */
+static inline double bd_joint_force(const bd_plan *plan, const bd_joint *at) {
+  return plan->links.stiffness * at->along + plan->links.damping * at->rate;
+}
 /* Outputs of single effects; their stored energy, added to the terms. */
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k);
@@ -524,9 +519,6 @@ double bd_friction_off_line(bd_plan *plan, const double *y, const double *y_new,
 void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-/* Adds the elastic energy of the contact with pulley j, the pulleys in turn; whether there is any.
- */
-int bd_add_contact_energy(const bd_plan *plan, const double *y, int j, double *energy);
 /* All works but that of the set torques: what was lost since the start. */
 double bd_losses(const bd_layout *lay, const double *y);
 /* Mean of the joint forces, tension positive. */

@@ -25,7 +25,7 @@ static void list_links(bd_plan *plan, const double *y) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     bd_run *runs = search->runs + j * search->max_runs;
     /* the joints of a link that touches belong to its neighbours as well, and may gape */
-    const double apart = plan->model->along_links ? 2.0 * plan->model->info.link_length : 0.0;
+    const double apart = 2.0 * plan->model->belt_model->facts.reach * plan->model->info.link_length;
     double reach = pulley->radius + search->margin + apart;
     int n_runs = 0;
     for (int begin = 0; begin < lay->n; begin += BD_LANES) {

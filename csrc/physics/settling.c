@@ -52,7 +52,7 @@ static int pass_centrifugal(bd_plan *plan, double t, double *y, double *dy, bd_e
   const double links = plan->flow / plan->model->info.link_length, scale = links * links;
   add_differences(lay, bd_field(lay, y, F_X), 0.0, scale, bd_field(lay, dy, F_VX));
   add_differences(lay, bd_field(lay, y, F_Y), 0.0, scale, bd_field(lay, dy, F_VY));
-  if (!lay->string) {
+  if (bd_has_field(lay, F_PHI)) {
     add_differences(lay, bd_field(lay, y, F_PHI), plan->links.wind, scale,
                     bd_field(lay, dy, F_VPHI));
   }
@@ -110,7 +110,7 @@ static int pass_mass_damping(bd_plan *plan, double t, double *y, double *dy, bd_
     ax[i] -= mass_damping * vx[i] - circulation_correction * co[i];
     ay[i] -= mass_damping * vy[i] - circulation_correction * si[i];
   }
-  if (!lay->string) {
+  if (bd_has_field(lay, F_PHI)) {
     const double *phi = bd_field(lay, y, F_PHI), *vphi = bd_field(lay, y, F_VPHI);
     double *aphi = bd_field(lay, dy, F_VPHI);
     for (int i = 0; i < n; ++i) {

@@ -535,8 +535,7 @@ size_t bd_sim_samples(const bd_sim *sim) {
 static double estimated_error(const bd_sim *sim) {
   const double by_jumps = 5.0, by_bounce = 10.0;
   const double rounds = 780.0; /* a second of the paper's drive */
-  const int along_links = sim->stepper.model->along_links;
-  const double by_local = along_links ? 2.0 : 1.0, by_balance = along_links ? 0.1 : 5.0;
+  const bd_belt_facts *belt = &sim->stepper.model->belt_model->facts;
   const int unknown[] = {BD_WARN_growth, BD_WARN_chatter, BD_WARN_torque, BD_WARN_rough_torque};
   for (size_t k = 0; k < sizeof unknown / sizeof unknown[0]; ++k) {
     const int excused = unknown[k] == BD_WARN_chatter && sim->twin.excused;
@@ -547,10 +546,10 @@ static double estimated_error(const bd_sim *sim) {
   if (sim->stepper.fixed || sim->guard.rings || sim->stats.local_error == 0.0) {
     return 0.0;
   }
-  double error = sim->stats.local_error * fmax(by_local, bd_guard_adds_up(sim)) *
+  double error = sim->stats.local_error * fmax(belt->error_by_local, bd_guard_adds_up(sim)) *
                  (sim->twin.stiff ? by_jumps : 1.0);
   if (sim->stepper.plan.ledger) { /* else it is summed too coarsely to say so much */
-    error = fmax(error, by_balance * fabs(sim->stats.balance));
+    error = fmax(error, belt->error_by_balance * fabs(sim->stats.balance));
   }
   double long_run = (sim->stepper.t - sim->t0) / bd_round_time(sim->stepper.model) / rounds;
   error *= bd_twin_magnifies(&sim->twin) * (1.0 + (double)sim->guard.bounces / by_bounce);

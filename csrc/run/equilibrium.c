@@ -48,10 +48,11 @@ double bd_unbalanced(const bd_sim *sim, const double *dy) {
   const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
+  const double *spin = bd_find_field(lay, dy, F_VPHI);
   double worst = 0.0;
   for (int i = 0; i < lay->n; ++i) {
     double fx = bd_cfield(lay, dy, F_VX)[i], fy = bd_cfield(lay, dy, F_VY)[i];
-    double turning = lay->string ? 0.0 : bd_cfield(lay, dy, F_VPHI)[i];
+    double turning = spin ? spin[i] : 0.0;
     worst = fmax(worst, info->link_mass * hypot(fx, fy));
     worst = fmax(worst, info->link_inertia * fabs(turning) / (0.5 * info->link_length));
   }
@@ -73,7 +74,7 @@ static double work_along(const bd_sim *sim, const double *dy, const double *d, d
     work += model->info.link_mass * (ax[i] * dx[i] + az[i] * dz[i]);
     square = fmax(square, dx[i] * dx[i] + dz[i] * dz[i]);
   }
-  for (int i = 0; !lay->string && i < lay->n; ++i) {
+  for (int i = 0; bd_has_field(lay, F_PHI) && i < lay->n; ++i) {
     work += model->info.link_inertia * bd_cfield(lay, dy, F_VPHI)[i] * bd_cfield(lay, d, F_PHI)[i];
   }
   for (int body = 0; body < bd_count_bodies(lay); ++body) {

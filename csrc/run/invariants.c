@@ -132,9 +132,7 @@ static int check_friction(bd_sim *sim) {
   const bd_plan *plan = &sim->stepper.plan;
   const bd_layout *lay = &plan->model->lay;
   int code = BD_OK;
-  if (plan->model->along_links) {
-    bd_link_contact_see(plan, sim->stepper.y);
-  }
+  bd_plan_see(plan, sim->stepper.y);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     code = check_touch(sim, j);
   }
@@ -198,13 +196,14 @@ static int check_forces(bd_sim *sim, const double *dy) {
   const double m = model->info.link_mass;
   const double *ax = bd_cfield(lay, dy, F_VX), *ay = bd_cfield(lay, dy, F_VY);
   double sum[2] = {0.0, 0.0};
+  const bd_joint *joints = bd_joints(plan, sim->stepper.y, 0);
   bd_contact_rounding all = {0};
   for (int i = 0; i < lay->n; ++i) {
     sum[0] += m * (ax[i] - model->gravity[0]);
     sum[1] += m * (ay[i] - model->gravity[1]);
     all.magnitude +=
         m * (fabs(ax[i]) + fabs(ay[i]) + fabs(model->gravity[0]) + fabs(model->gravity[1])) +
-        fabs(bd_joint_force(plan, sim->stepper.y, i));
+        fabs(bd_joint_force(plan, &joints[i]));
   }
   for (int j = 0; j < lay->np; ++j) {
     const int code = check_pulley(sim, j, sum, &all);

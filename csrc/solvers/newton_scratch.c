@@ -8,9 +8,7 @@
  * few links hold apart would cost digits where links weigh little against their joints. */
 static const bd_newton_kernels *ring_kernels(const bd_model *model) {
   const bd_newton_kernels *best = model->kernels->newton;
-  return model->lay.n >= 4 * best->width ? best
-         : model->lay.string             ? &bd_newton_string_baseline
-                                         : &bd_newton_baseline;
+  return model->lay.n >= 4 * best->width ? best : bd_kernels_baseline[bd_model_belt(model)].newton;
 }
 
 static void carve_all(bd_carver *carver, const bd_layout *lay, double **const *arrays, size_t n) {
@@ -37,7 +35,8 @@ static void carve_scratch(bd_carver *carver, const bd_layout *lay, bd_contact_sc
 /* What solves need of one pulley's friction. */
 static void carve_slot(bd_carver *carver, const bd_model *model, int j, bd_slot *slot) {
   const bd_layout *lay = &model->lay;
-  const int states = bd_friction_states(&model->friction[j]), columns = model->along_links ? 6 : 2;
+  const int states = bd_friction_states(&model->friction[j]),
+            columns = model->belt_model->facts.reach > 0.0 ? 6 : 2;
   double **const of_states[] = {&slot->decay, &slot->spin, &slot->given_x, &slot->given_y,
                                 &slot->given_torque};
   for (int m = 0; m < columns; ++m) {
@@ -85,7 +84,7 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   carve_all(carver, lay, by_link, 3);
   BD_CARVE(carver, system->blocks.w, entries * lay->n8);
   BD_CARVE(carver, system->blocks.q, entries * lay->n8);
-  if (model->along_links) {
+  if (model->belt_model->facts.reach > 0.0) {
     carve_scratch(carver, lay, &system->scratch);
   }
   BD_CARVE(carver, system->slots, np);
@@ -112,7 +111,7 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   if (!carver->base) {
     return;
   }
-  system->kernels = model->along_links ? model->kernels->newton : model->kernels->centres;
+  system->kernels = model->kernels->newton;
   system->ring_kernels = ring;
   for (int body = 0; body < bodies; ++body) {
     system->bodies[body].column = bd_newton_border(system, lay, body);

@@ -200,7 +200,7 @@ static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fil
   const bd_links *links = &plan->links;
   const bd_newton_kernels *kernels = system->kernels;
   const bd_tangent *joints = &system->at.joints;
-  if (plan->model->along_links && !lay->string) {
+  if (plan->kernels->gather_points) {
     plan->kernels->gather_points(links, joints->cos, joints->sin, fill->y, &system->scratch.points);
   }
   kernels->fill_ring(links, joints, &system->stage, &system->blocks);
@@ -234,7 +234,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
   double inv_half = 1.0 / links->half;
   stage->g = g;
   stage->mass = model->info.link_mass * (1.0 + g * system->at.mass_damping);
-  stage->slender = 0.25 * model->shear;
+  stage->slender = 0.25 * model->belt_model->facts.shear;
   stage->k = g * (g * links->stiffness + links->damping);
   stage->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
   for (int body = 0; body < lay->np + lay->nm + lay->nc; ++body) {

@@ -19,6 +19,8 @@ enum { LINKS = 13, PULLEYS = 3, STRIDE = BD_HALO + 16, THETA = 8 * STRIDE, SIZE 
 static const double tolerance = 1e-13;
 
 static const bd_layout layout = {.n = LINKS,
+                                 .fields = 63, /* all of the links' */
+                                 .block = {0, 1, 2, 3, 4, 5, 6},
                                  .n8 = 16,
                                  .np = PULLEYS,
                                  .slots = 1,
@@ -205,7 +207,8 @@ static void dense_row(const ring_case *c, int i, int u, double *row) {
 }
 
 static void solve_ring(ring_case *c, const bd_kernels *level) {
-  const bd_newton_kernels *kernels = c->string ? level->string->newton : level->newton;
+  const bd_newton_kernels *kernels =
+      level[c->string ? BD_BELT_MODEL_string : BD_BELT_MODEL_joint].newton;
   const int size = unknowns_of(c), d2 = size * size;
   for (int i = 0; i < c->n; ++i) {
     double *tile = c->tiles + i / BD_LANES * (3 * d2 * BD_LANES) + i % BD_LANES;
