@@ -149,28 +149,30 @@ typedef struct bd_mount {
 /* What joins a pulley's shaft, on which torques, drag and prescribed motions act, to its rim, on
  * which the belt runs (MODEL section 5); of a damper belt and torques act on the pulley, and the
  * ring hangs free. */
-typedef struct bd_isolator {
-  BD_ISOLATOR(X)
-} bd_isolator;
+#define KIND(KIND, name)                                                                           \
+  typedef struct bd_##name {                                                                       \
+    BD_##KIND(X)                                                                                   \
+  } bd_##name;
+BD_COUPLINGS(KIND)
+#undef KIND
 
-typedef struct bd_clutch {
-  BD_CLUTCH(X)
-} bd_clutch;
-
-typedef struct bd_damper {
-  BD_DAMPER(X)
-} bd_damper;
-
-enum { BD_COUPLING_ISOLATOR, BD_COUPLING_CLUTCH, BD_COUPLING_DAMPER };
+enum {
+#define KIND(KIND, name) BD_COUPLING_##KIND,
+  BD_COUPLINGS(KIND)
+#undef KIND
+      BD_N_COUPLINGS
+};
 
 typedef struct bd_coupling {
   int kind; /* BD_COUPLING_... */
   union {
-    bd_isolator isolator;
-    bd_clutch clutch;
-    bd_damper damper;
+#define KIND(KIND, name) bd_##name name;
+    BD_COUPLINGS(KIND)
+#undef KIND
   };
 } bd_coupling;
+
+const char *bd_coupling_name(int kind); /* of its group of parameters; NULL: there is none */
 
 /* A parameter that is a list: of an element of a friction law each; all lists of a law are of one
  * length. */

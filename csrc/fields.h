@@ -80,6 +80,7 @@
   X(damper, inertia, POSITIVE, "kg m^2", "of the free ring, I_r")                                  \
   X(damper, stiffness, NONNEGATIVE, "N m/rad", "of the spring between pulley and ring, k")         \
   X(damper, damping, NONNEGATIVE, "N m s/rad", "of the damper between them, d")
+#define BD_COUPLINGS(KIND) KIND(ISOLATOR, isolator) KIND(CLUTCH, clutch) KIND(DAMPER, damper)
 #define BD_CONTACT(X)                                                                              \
   X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                       \
   X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
@@ -89,12 +90,13 @@
 
 /* All of them, the friction laws' among them; to be called with a macro of the name X. */
 #define BD_LAW_PARAMETERS(name, class, general, states, text) BD_LAW_##name(X)
+#define BD_COUPLING_PARAMETERS(KIND, name) BD_##KIND(X)
 #define BD_PARAMETERS(X)                                                                           \
   BD_BELT(X)                                                                                       \
   BD_PULLEY(X)                                                                                     \
   BD_DRAG(X)                                                                                       \
   BD_ARM(X)                                                                                        \
-  BD_SLIDER(X) BD_ISOLATOR(X) BD_CLUTCH(X) BD_DAMPER(X) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
+  BD_SLIDER(X) BD_COUPLINGS(BD_COUPLING_PARAMETERS) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
 
 /* The C type of a parameter under a rule. */
 #define BD_TYPE_POSITIVE double

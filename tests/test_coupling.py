@@ -23,7 +23,7 @@ from scipy.optimize import brentq
 from tiers import ci_if
 
 import beltdyn as bd
-from beltdyn import parameters
+from beltdyn import _core, parameters
 from beltdyn.explaining.removals import leave_out, removals_of
 from beltdyn.sweeping import names
 
@@ -431,6 +431,31 @@ def test_a_belt_settles_with_pulleys_free_to_turn_as_without_a_coupling() -> Non
     )
     assert coupled.rim_angle == pytest.approx(whole.theta[1:], abs=1e-6)
     assert not coupled.windup.any() and coupled.theta[1] == 0.0
+
+
+def test_a_belt_settles_from_a_state_without_its_windup() -> None:
+    """At rest no torque goes through a coupling, whatever the state that settling begins with."""
+    params = two(ISOLATOR)
+    start = turning(params, 3.0, 5.0, 0.1)
+    settling = _core.Simulation.settle(params._model, start._to_core(params))
+    assert settling.advance(np.inf)
+    state = settling.state()
+    assert not any(state[name].any() for name in ("windup", "rim_speed", "omega"))
+
+
+@pytest.mark.filterwarnings("ignore:no_friction")
+def test_fixed_steps_follow_the_stiffest_coupling() -> None:
+    """The step that rk4 chooses is within its limit, 2.785, of hub and rim on their spring, here
+    stiffer than the belt's joints; they swing by no more than they began with.
+    """
+    stiff = 1e7
+    params = two(attrs.evolve(ISOLATOR, stiffness=stiff, damping=0.0), friction=None)
+    rate = math.sqrt(stiff * (1.0 / RIM + 1.0 / HUB))
+    assert rate > params.info["spectral_bound"]
+    start = turning(params, 0.0, 1e-3)
+    result = bd.simulate(params, NO_TORQUE, 20.0 / rate, initial=start, method="rk4")
+    assert 0.5 < result.stats.largest_step * rate < 2.785
+    assert np.abs(result.couplings.windup).max() < 1.1e-3 / rate
 
 
 def test_sweeps_and_explanations_know_couplings() -> None:

@@ -244,12 +244,10 @@ typedef struct bd_coupling_state {
 } bd_coupling_state;
 
 bd_coupling_state bd_coupling_at(const bd_model *model, const double *y, int c);
-/* Whether the belt runs on the shaft of pulley j itself; torque of its coupling on that shaft,
- * counter-clockwise. */
+/* Whether the belt runs on the shaft of pulley j itself. */
 static inline int bd_runs_on_shaft(const bd_layout *lay, int j) {
   return lay->rim[j] == lay->omega + j;
 }
-double bd_coupling_torque(const bd_model *model, const double *y, int j);
 
 /* --- mount_rest.c ----------------------------------------------------------------------------- */
 

@@ -163,6 +163,17 @@ static int stiffness(const bd_stiff_at *at, bd_stiff *parts) {
   return n;
 }
 
+static double on_shaft(const bd_plan *plan, const double *y, int j) {
+  const bd_model *model = plan->model;
+  double sum = 0.0;
+  for (int c = 0; c < model->lay.nc; ++c) {
+    if (model->couplings[c].pulley == j) {
+      sum += model->couplings[c].sense * bd_coupling_at(model, y, c).torque;
+    }
+  }
+  return sum;
+}
+
 /* At rest no torque goes through a coupling. */
 static void rest(const bd_plan *plan, double *y) {
   for (int c = 0; c < plan->model->lay.nc; ++c) {
@@ -182,6 +193,7 @@ const bd_effect bd_effect_couplings = {
     .unseen = unseen,
     .stiffness = stiffness,
     .rest = rest,
+    .on_shaft = on_shaft,
     .outputs = outputs,
     .energy = energy,
     .n_works = 1,

@@ -34,10 +34,6 @@ double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j,
          2.0 * drag->quadratic * fastest;
 }
 
-double bd_drag_torque(const bd_model *model, int j, double omega) {
-  return bd_resistance(&model->drag[j], omega, bd_turning_speed(model, j)).torque;
-}
-
 /* Of pulley j at a state, against the arm on which it may stand. */
 static double drag_speed(const bd_model *model, const double *y, int j) {
   const bd_layout *lay = &model->lay;
@@ -45,8 +41,10 @@ static double drag_speed(const bd_model *model, const double *y, int j) {
   return y[lay->omega + j] - turning;
 }
 
-double bd_drag_torque_in(const bd_model *model, const double *y, int j) {
-  return bd_drag_torque(model, j, drag_speed(model, y, j));
+static double on_shaft(const bd_plan *plan, const double *y, int j) {
+  const bd_model *model = plan->model;
+  const double w0 = bd_turning_speed(model, j);
+  return -bd_resistance(&model->drag[j], drag_speed(model, y, j), w0).torque;
 }
 
 static void add_off_line(bd_resisting *sum, bd_resisting here, bd_resisting there, double faster) {
@@ -118,7 +116,7 @@ static int rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   const bd_layout *lay = &model->lay;
   double loss = 0.0;
   for (int j = 0; j < lay->np; ++j) {
-    const double torque = bd_drag_torque_in(model, y, j);
+    const double torque = -on_shaft(plan, y, j);
     const bd_mounted *arm = bd_arm_of(model, j);
     dy[lay->omega + j] -= torque / model->inertia[j];
     loss += torque * y[lay->omega + j];
@@ -161,6 +159,7 @@ const bd_effect bd_effect_drag = {
     .tangent = tangent,
     .carve_tangent = carve_tangent,
     .stiffness = stiffness,
+    .on_shaft = on_shaft,
     .n_works = 1,
     .works = {BD_LOST_IN(drag_loss, "drag has given", 1)},
 };

@@ -149,6 +149,10 @@ static void tangent_contact(const bd_plan *plan, const double *y, bd_derivatives
   }
 }
 
+static double torque_of_contact(const bd_plan *plan, const double *y, int j) {
+  return bd_runs_on_shaft(&plan->model->lay, j) ? bd_friction_torque(plan, y, j, NULL) : 0.0;
+}
+
 /* Of friction that settling leaves out. */
 static void rest_contact(const bd_plan *plan, double *y) {
   const bd_layout *lay = &plan->model->lay;
@@ -192,6 +196,7 @@ const bd_effect bd_effect_contact = {
     .after_step = bd_contact_after_step,
     .stiffness = stiffness_of_contact,
     .rest = rest_contact,
+    .on_shaft = torque_of_contact,
     .outputs = bd_outputs_of_contact,
     .energy = bd_energy_of_contact,
     .n_works = 2,

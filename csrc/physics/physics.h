@@ -255,6 +255,8 @@ typedef struct bd_effect {
   int (*stiffness)(const bd_stiff_at *at, bd_stiff *parts);
   /* Its states in y as settling begins with them, the belt being at rest. */
   void (*rest)(const bd_plan *plan, double *y);
+  /* Torque on the shaft of pulley j, counter-clockwise; what a prescribed motion needs besides. */
+  double (*on_shaft)(const bd_plan *plan, const double *y, int j);
   /* Row k of its outputs. */
   void (*outputs)(bd_plan *plan, const double *y, const bd_output *out, size_t k);
   /* Adds the energy it stores at y to the terms. */
@@ -328,11 +330,6 @@ bd_resisting bd_resistance(const bd_drag *drag, double omega, double w0);
 double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j, double tension);
 /* What a step has not seen of all that resists pulleys by their own speed, drag and loads. */
 double bd_resistance_unseen(const bd_plan *plan, const bd_step *step);
-/* Torque of the drag on pulley j, in models with drag. */
-double bd_drag_torque(const bd_model *model, int j, double omega);
-/* Torque of the drag on pulley j at a state, by its speed against the arm on which it may stand. */
-double bd_drag_torque_in(const bd_model *model, const double *y, int j);
-
 /* --- mounts.c -------------------------------------------------------------------------------- */
 
 /* The axes of pulleys on mounts where y has them. Before contact is asked of any other state than
