@@ -38,7 +38,6 @@ class BeltFacts(TypedDict):
     stretches: int
     at_joints: int
     smooth: int
-    resists: int
     shear: float
     reach: float
     least_span: float

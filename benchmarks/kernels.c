@@ -133,7 +133,7 @@ static void row_joints(bench *b) {
 
 static void contact(bench *b, int ledger) {
   b->plan.skip_power = !ledger;
-  b->model->belt_model->contact(&b->plan, b->y, b->stage[0]);
+  bd_effect_contact.rate(&b->plan, 0.0, b->y, b->stage[0], NULL);
   sink += b->plan.friction[0];
 }
 

@@ -123,7 +123,6 @@
   X(int, stretches, "chords stretch along themselves; else at the joints, along the circle")       \
   X(int, at_joints, "friction acts at the joints; else at the nodes")                              \
   X(int, smooth, "contact is of lengths of belt, and sets in without a jump; else of points")      \
-  X(int, resists, "components of a joint's stretch that it resists")                               \
   X(double, shear, "m l0^2 / I_z of a link: 12 along it, 4 with its mass at the ends")             \
   X(double, reach, "of contact: so many links before and behind a node add to what acts there")    \
   X(double, least_span, "of what is told apart [links]; 0: any")                                   \

@@ -50,8 +50,7 @@ void bd_along_distances(const bd_plan *plan, const double *y, int j, int begin, 
 static double press(const bd_plan *plan, const double *y, int j) {
   bd_sums sums;
   plan->kernels->press[1](&plan->seen, &plan->contact_pulleys[j], plan->search.n_runs[j],
-                          plan->search.runs + j * plan->search.max_runs, &plan->pressure,
-                          &plan->forces, y, &sums);
+                          bd_runs_of(plan, j), &plan->pressure, &plan->forces, y, &sums);
   return sums.contact_energy;
 }
 

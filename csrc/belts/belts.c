@@ -83,23 +83,8 @@ bd_chord bd_line_chord(const bd_model *model, const bd_route *line, double shift
   return c;
 }
 
-void bd_contact_in_one_pass(bd_plan *plan, double *y, double *dy) {
-  const bd_layout *lay = &plan->model->lay;
-  double contact_loss = 0.0, friction_loss = 0.0;
-  for (int j = 0; j < lay->np; ++j) {
-    bd_sums sums;
-    plan->kernels->contact[plan->contact_pulleys[j].law][!plan->skip_power](
-        &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
-        plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
-    plan->friction[j] = sums.torque;
-    const int m = plan->model->mount_of ? plan->model->mount_of[j] : -1;
-    if (m >= 0) {
-      plan->hub[2 * m] = -sums.force[0];
-      plan->hub[2 * m + 1] = -sums.force[1];
-    }
-    contact_loss += sums.contact_loss;
-    friction_loss += sums.friction_loss;
-  }
-  dy[lay->work + W_contact_loss] = contact_loss;
-  dy[lay->work + W_friction_loss] = friction_loss;
+void bd_contact_in_one_pass(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums) {
+  plan->kernels->contact[plan->contact_pulleys[j].law][!plan->skip_power](
+      &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j], bd_runs_of(plan, j), y, dy,
+      sums);
 }

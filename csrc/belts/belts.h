@@ -12,10 +12,8 @@ BD_BELTS(X)
 #undef X
 
 /* Fields of nodes that are point masses; of links, which turn as well. */
-enum {
-  BD_FIELDS_OF_MASSES = 1u << F_X | 1u << F_Y | 1u << F_VX | 1u << F_VY,
-  BD_FIELDS_OF_LINKS = BD_FIELDS_OF_MASSES | 1u << F_PHI | 1u << F_VPHI
-};
+#define BD_OF_MASSES (1u << F_X | 1u << F_Y | 1u << F_VX | 1u << F_VY)
+#define BD_OF_LINKS (BD_OF_MASSES | 1u << F_PHI | 1u << F_VPHI)
 
 /* The line's point and direction `nodes` of n from its beginning. */
 void bd_line_point(const bd_model *model, const bd_route *line, const double *radius, double nodes,
@@ -28,8 +26,8 @@ typedef struct bd_chord {
 
 bd_chord bd_line_chord(const bd_model *model, const bd_route *line, double shift, int i,
                        double *phi);
-/* Contact by kernels that have all of it in one pass. */
-void bd_contact_in_one_pass(bd_plan *plan, double *y, double *dy);
+/* By kernels that have all of contact in one pass. */
+void bd_contact_in_one_pass(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums);
 
 /* --- links.c: rigid links -------------------------------------------------------------------- */
 
@@ -37,6 +35,14 @@ void bd_links_joints_at(const bd_plan *plan, const double *y, const double *co, 
                         bd_joint *out);
 double bd_links_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);
 void bd_links_set_going(const bd_plan *plan, double *y, double speed);
+
+/* What rows of rigid links share. */
+#define BD_FACTS_OF_LINKS                                                                          \
+  .model = BD_BELT_LINKS, .nodes = "links", .fields = BD_OF_LINKS, .bends = 1,                     \
+  .explicit_share = 0.93
+#define BD_LINKS                                                                                   \
+  .joints_text = {"joints: axial spring-dampers", "joints: axial and bending spring-dampers"},     \
+  .joints_at = bd_links_joints_at, .apart = bd_links_apart, .set_going = bd_links_set_going
 
 /* --- along.c: contact along the links, or bars ------------------------------------------------ */
 
@@ -51,5 +57,13 @@ void bd_along_clear(const bd_plan *plan); /* the forces */
 void bd_along_contact_at(const bd_plan *plan, const double *y, int j, bd_touch *out,
                          double force[2], double *energy);
 int bd_along_contact_energy(const bd_plan *plan, const double *y, int j, double *energy);
+
+/* What rows with such contact share; masses are at the ends. */
+#define BD_FACTS_ALONG                                                                             \
+  .mesh = BD_MESH_JOINT, .note = "", .mounts = 1, .smooth = 1, .shear = 4.0, .reach = 1.0,         \
+  .least_span = 2.5, .error_by_local = 2.0, .error_by_balance = 0.1, .implicit_cost = 5.0
+#define BD_ALONG                                                                                   \
+  .carve = bd_along_carve, .distances = bd_along_distances,                                        \
+  .contact_energy = bd_along_contact_energy
 
 #endif

@@ -31,47 +31,45 @@ static void lay(const bd_model *model, const bd_route *line, double shift, doubl
   }
 }
 
-/* Adds it from directions as last evaluated; the halo of y is set. */
-static void contact(bd_plan *plan, double *y, double *dy) {
+/* From directions as last evaluated; the halo of y is set. */
+static void contact_begin(bd_plan *plan, double *y) {
   const bd_layout *layout = &plan->model->lay;
-  const bd_kernels *kernels = plan->kernels;
   const bd_links *links = &plan->links;
-  const int power = !plan->skip_power;
-  double contact_loss = 0.0, friction_loss = 0.0;
   bd_along_clear(plan);
   if (plan->friction_on) {
     bd_close_links(layout, y);
     links->cos[-1] = links->cos[layout->n - 1];
     links->sin[-1] = links->sin[layout->n - 1];
-    kernels->gather_points(links, links->cos, links->sin, y, &plan->points);
+    plan->kernels->gather_points(links, links->cos, links->sin, y, &plan->points);
   }
-  for (int j = 0; j < layout->np; ++j) {
-    const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
-    const int n_runs = plan->search.n_runs[j];
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
-    bd_sums sums;
-    const int m = plan->model->mount_of ? plan->model->mount_of[j] : -1;
-    double before[2], after[2];
-    if (m >= 0) {
-      kernels->sum_forces(n_runs, runs, &plan->forces, before);
-    }
-    kernels->press[power](links, pulley, n_runs, runs, &plan->pressure, &plan->forces, y, &sums);
-    if (pulley->law != BD_LAW_NONE) {
-      kernels->rub[pulley->law][power](links, pulley, n_runs, runs, &plan->points, &plan->pressure,
-                                       &plan->forces, y, dy, &sums);
-    }
-    if (m >= 0) {
-      kernels->sum_forces(n_runs, runs, &plan->forces, after);
-      plan->hub[2 * m] = before[0] - after[0];
-      plan->hub[2 * m + 1] = before[1] - after[1];
-    }
-    plan->friction[j] = sums.torque;
-    contact_loss += sums.contact_loss;
-    friction_loss += sums.friction_loss;
+}
+
+static void contact(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums) {
+  const bd_kernels *kernels = plan->kernels;
+  const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
+  const int n_runs = plan->search.n_runs[j], power = !plan->skip_power;
+  const int on_mount = plan->model->mount_of && plan->model->mount_of[j] >= 0;
+  const bd_run *runs = bd_runs_of(plan, j);
+  double before[2], after[2];
+  if (on_mount) {
+    kernels->sum_forces(n_runs, runs, &plan->forces, before);
   }
-  kernels->scatter_forces(links, links->cos, links->sin, &plan->forces, dy);
-  dy[layout->work + W_contact_loss] = contact_loss;
-  dy[layout->work + W_friction_loss] = friction_loss;
+  kernels->press[power](&plan->links, pulley, n_runs, runs, &plan->pressure, &plan->forces, y,
+                        sums);
+  if (pulley->law != BD_LAW_NONE) {
+    kernels->rub[pulley->law][power](&plan->links, pulley, n_runs, runs, &plan->points,
+                                     &plan->pressure, &plan->forces, y, dy, sums);
+  }
+  if (on_mount) {
+    kernels->sum_forces(n_runs, runs, &plan->forces, after);
+    sums->force[0] = after[0] - before[0];
+    sums->force[1] = after[1] - before[1];
+  }
+}
+
+static void contact_end(bd_plan *plan, double *dy) {
+  const bd_links *links = &plan->links;
+  plan->kernels->scatter_forces(links, links->cos, links->sin, &plan->forces, dy);
 }
 
 /* Friction acts at the mean of the two ends that meet at a joint. */
@@ -94,34 +92,14 @@ static void contact_at(const bd_plan *plan, const double *y, int j, bd_touch *ou
 }
 
 const bd_belt_model bd_belt_joint = {
-    .facts = {.name = "joint",
-              .text = "rigid links that meet the pulleys along their length",
-              .nodes = "links",
-              .note = "",
-              .mesh = BD_MESH_JOINT,
-              .model = BD_BELT_LINKS,
-              .fields = BD_FIELDS_OF_LINKS,
-              .bends = 1,
-              .mounts = 1,
-              .at_joints = 1,
-              .smooth = 1,
-              .resists = 2,
-              .shear = 4.0,
-              .reach = 1.0,
-              .least_span = 2.5,
-              .explicit_share = 0.93,
-              .error_by_local = 2.0,
-              .error_by_balance = 0.1,
-              .implicit_cost = 5.0},
-    .joints_text = {"joints: axial spring-dampers", "joints: axial and bending spring-dampers"},
+    .facts = {BD_FACTS_OF_LINKS, BD_FACTS_ALONG, .name = "joint",
+              .text = "rigid links that meet the pulleys along their length", .at_joints = 1},
+    BD_LINKS,
+    BD_ALONG,
     .distance = distance,
     .lay = lay,
-    .set_going = bd_links_set_going,
-    .carve = bd_along_carve,
+    .contact_begin = contact_begin,
     .contact = contact,
-    .distances = bd_along_distances,
-    .joints_at = bd_links_joints_at,
+    .contact_end = contact_end,
     .contact_at = contact_at,
-    .contact_energy = bd_along_contact_energy,
-    .apart = bd_links_apart,
 };

@@ -129,8 +129,11 @@ struct bd_belt_model {
   void (*set_going)(const bd_plan *plan, double *y, double speed);
   /* --- physics: the effects "joints" and "contact" */
   void (*carve)(bd_carver *carver, bd_plan *plan, const bd_layout *lay); /* NULL: no scratch */
-  /* Adds contact and friction of all pulleys to the rate. */
-  void (*contact)(bd_plan *plan, double *y, double *dy);
+  /* Adds contact and friction of pulley j to the rate, or to scratch; before all pulleys and after
+   * them (NULL: nothing). */
+  void (*contact)(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums);
+  void (*contact_begin)(bd_plan *plan, double *y);
+  void (*contact_end)(bd_plan *plan, double *dy);
   /* Squared distances from pulley j of nodes [begin, end), after bd_plan_see and bd_plan_near. */
   void (*distances)(const bd_plan *plan, const double *y, int j, int begin, int end, double *out);
   /* All joints at a state; directions of its nodes if they are known, else NULL. */

@@ -106,10 +106,28 @@ static const char *label_contact(const bd_plan *plan) {
 static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
-  for (int j = 0; j < lay->np; ++j) {
-    plan->contact_pulleys[j].omega = y[lay->rim[j]];
+  const bd_belt_model *belt = plan->model->belt_model;
+  double contact_loss = 0.0, friction_loss = 0.0;
+  if (belt->contact_begin) {
+    belt->contact_begin(plan, y);
   }
-  plan->model->belt_model->contact(plan, y, dy);
+  for (int j = 0; j < lay->np; ++j) {
+    const int m = plan->model->mount_of ? plan->model->mount_of[j] : -1;
+    bd_sums sums;
+    plan->contact_pulleys[j].omega = y[lay->rim[j]];
+    belt->contact(plan, j, y, dy, &sums);
+    plan->friction[j] = sums.torque;
+    for (int k = 0; m >= 0 && k < 2; ++k) {
+      plan->hub[2 * m + k] = -sums.force[k];
+    }
+    contact_loss += sums.contact_loss;
+    friction_loss += sums.friction_loss;
+  }
+  if (belt->contact_end) {
+    belt->contact_end(plan, dy);
+  }
+  dy[lay->work + W_contact_loss] = contact_loss;
+  dy[lay->work + W_friction_loss] = friction_loss;
   return BD_OK;
 }
 
@@ -144,7 +162,7 @@ static void tangent_contact(const bd_plan *plan, const double *y, bd_derivatives
     out->contact_pulleys[j] = plan->contact_pulleys[j];
     out->contact_pulleys[j].omega = y[lay->rim[j]];
     out->n_runs[j] = plan->search.n_runs[j];
-    memcpy(out->runs + j * out->max_runs, plan->search.runs + j * plan->search.max_runs,
+    memcpy(out->runs + j * out->max_runs, bd_runs_of(plan, j),
            (size_t)out->n_runs[j] * sizeof *out->runs);
   }
 }

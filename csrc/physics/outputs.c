@@ -13,7 +13,7 @@
 #define ROUNDING (32.0 * DBL_EPSILON)
 
 int bd_next_near(const bd_plan *plan, int j, int *run, int i) {
-  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+  const bd_run *runs = bd_runs_of(plan, j);
   for (++i; *run < plan->search.n_runs[j]; ++*run) {
     i = i > runs[*run].begin ? i : runs[*run].begin;
     if (i < runs[*run].end && i < plan->model->lay.n) {

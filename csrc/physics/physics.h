@@ -438,6 +438,11 @@ struct bd_plan {
   const bd_effect *effects[BD_MAX_EFFECTS];
 };
 
+/* The links listed near pulley j. */
+static inline const bd_run *bd_runs_of(const bd_plan *plan, int j) {
+  return plan->search.runs + j * plan->search.max_runs;
+}
+
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);

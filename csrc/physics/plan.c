@@ -313,7 +313,7 @@ int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, 
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     const double *owner = plan->owner + pulley->slot * lay->n8;
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    const bd_run *runs = bd_runs_of(plan, j);
     bd_plan_near(plan, y, j, plan->search.n_runs[j], runs);
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int begin = runs[r].begin; begin < runs[r].end; begin += BD_LANES) {
@@ -332,7 +332,7 @@ int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, 
   }
   for (int j = 0; found && plan->friction_on && j < lay->np; ++j) {
     const int slot = plan->contact_pulleys[j].slot;
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    const bd_run *runs = bd_runs_of(plan, j);
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       reset_friction_state(lay, y, slot, plan->owner + slot * lay->n8, runs[r].begin,
                            runs[r].end < lay->n ? runs[r].end : lay->n);

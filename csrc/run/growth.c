@@ -245,7 +245,8 @@ static double displace(bd_sim *sim, bd_sim *twin) {
     }
   }
   /* of differences of two numbers evenly spread over +-size, in x and in y or along it alone */
-  return sqrt(2.0 / 3.0 * sim->stepper.model->belt_model->facts.resists) * size / stretch;
+  const int along = sim->stepper.model->belt_model->facts.stretches;
+  return sqrt(along ? 2.0 / 3.0 : 4.0 / 3.0) * size / stretch;
 }
 
 static double next_look(const bd_sim *sim) {
