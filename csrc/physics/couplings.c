@@ -181,6 +181,46 @@ static void rest(const bd_plan *plan, double *y) {
   }
 }
 
+/* --- in the linear systems -------------------------------------------------------------------- */
+
+static double between(const bd_derivatives *at, int c, double g) {
+  return g * (g * at->couplings[c].stiffness + at->couplings[c].damping);
+}
+
+static double entry(const bd_derivatives *at, const bd_model *model, int row, int column,
+                    double g) {
+  double sum = 0.0;
+  for (int c = 0; c < model->lay.nc; ++c) {
+    const int shaft = model->couplings[c].pulley, rim = bd_rim_body(&model->lay, c);
+    const int of_row = row == shaft || row == rim, of_column = column == shaft || column == rim;
+    sum += of_row && of_column ? (row == column ? 1.0 : -1.0) * between(at, c, g) : 0.0;
+  }
+  return sum;
+}
+
+static void product(const bd_derivatives *at, const bd_model *model, double g, const double *y,
+                    double *rhs) {
+  const bd_layout *lay = &model->lay;
+  for (int c = 0; c < lay->nc; ++c) {
+    const bd_coupled *k = &model->couplings[c];
+    const double torque = g * g * at->couplings[c].stiffness * k->sense * y[lay->windup + c];
+    rhs[k->pulley] += torque;
+    rhs[bd_rim_body(lay, c)] += g * k->inertia * y[lay->rim_speed + c] - torque;
+  }
+}
+
+static void finish(const bd_derivatives *at, const bd_model *model, double g, const double *rhs,
+                   double *y) {
+  const bd_layout *lay = &model->lay;
+  for (int c = 0; c < lay->nc; ++c) {
+    const bd_coupling_tangent *k = &at->couplings[c];
+    const double rim = rhs[bd_rim_body(lay, c)], shaft = rhs[lay->coupled[c]];
+    y[lay->rim_angle + c] = g * (y[lay->rim_angle + c] + rim);
+    y[lay->rim_speed + c] = rim;
+    y[lay->windup + c] = g * (y[lay->windup + c] + k->winds * (rim - shaft)) / (1.0 + g * k->decay);
+  }
+}
+
 const bd_effect bd_effect_couplings = {
     .name = "couplings of shafts and rims",
     .asked_by = "isolator clutch damper",
@@ -189,6 +229,9 @@ const bd_effect bd_effect_couplings = {
     .rate = rate,
     .tangent = tangent,
     .carve_tangent = carve_tangent,
+    .entry = entry,
+    .product = product,
+    .finish = finish,
     .after_step = after_step,
     .unseen = unseen,
     .stiffness = stiffness,
@@ -200,43 +243,3 @@ const bd_effect bd_effect_couplings = {
     .works = {BD_LOST_IN(coupling_loss, "dampers of couplings have given", 1)},
     .store = BD_ENERGY_coupling,
 };
-
-/* --- in the linear systems -------------------------------------------------------------------- */
-
-static double between(const bd_derivatives *at, int c, double g) {
-  return g * (g * at->couplings[c].stiffness + at->couplings[c].damping);
-}
-
-double bd_coupling_entry(const bd_derivatives *at, const bd_model *model, int row, int column,
-                         double g) {
-  double sum = 0.0;
-  for (int c = 0; c < model->lay.nc; ++c) {
-    const int shaft = model->couplings[c].pulley, rim = bd_rim_body(&model->lay, c);
-    const int of_row = row == shaft || row == rim, of_column = column == shaft || column == rim;
-    sum += of_row && of_column ? (row == column ? 1.0 : -1.0) * between(at, c, g) : 0.0;
-  }
-  return sum;
-}
-
-void bd_coupling_product(const bd_derivatives *at, const bd_model *model, double g, const double *y,
-                         double *rhs) {
-  const bd_layout *lay = &model->lay;
-  for (int c = 0; c < lay->nc; ++c) {
-    const bd_coupled *k = &model->couplings[c];
-    const double torque = g * g * at->couplings[c].stiffness * k->sense * y[lay->windup + c];
-    rhs[k->pulley] += torque;
-    rhs[bd_rim_body(lay, c)] += g * k->inertia * y[lay->rim_speed + c] - torque;
-  }
-}
-
-void bd_coupling_finish(const bd_derivatives *at, const bd_model *model, double g,
-                        const double *rhs, double *y) {
-  const bd_layout *lay = &model->lay;
-  for (int c = 0; c < lay->nc; ++c) {
-    const bd_coupling_tangent *k = &at->couplings[c];
-    const double rim = rhs[bd_rim_body(lay, c)], shaft = rhs[lay->coupled[c]];
-    y[lay->rim_angle + c] = g * (y[lay->rim_angle + c] + rim);
-    y[lay->rim_speed + c] = rim;
-    y[lay->windup + c] = g * (y[lay->windup + c] + k->winds * (rim - shaft)) / (1.0 + g * k->decay);
-  }
-}

@@ -167,9 +167,8 @@ typedef struct bd_derivatives {
   int *n_runs;
   bd_run *runs; /* per pulley, max_runs apart */
   int max_runs;
-  double mass_damping; /* [1/s] */
-  double
-      *pulley_damping; /* of torques on a pulley by its own speed, by pulley [N m s]; NULL: none */
+  double mass_damping;    /* [1/s] */
+  double *pulley_damping; /* of torques on shafts by their own speed [N m s]; NULL: none */
   bd_mount_tangent *mounts;
   bd_coupling_tangent *couplings;
 } bd_derivatives;
@@ -244,6 +243,14 @@ typedef struct bd_effect {
   /* Scratch of its pass, and of its derivatives, in models that can have it. */
   void (*carve)(bd_carver *carver, bd_plan *plan, const bd_model *model);
   void (*carve_tangent)(bd_carver *carver, bd_derivatives *out, const bd_model *model);
+  /* Its part in linear systems with g, beside inertias, damping and what the links do: an entry of
+   * the small matrix of the bodies; what c, laid out as a state, adds to their right-hand side; and
+   * its unknowns into c, from the speeds of all bodies. */
+  double (*entry)(const bd_derivatives *at, const bd_model *model, int row, int column, double g);
+  void (*product)(const bd_derivatives *at, const bd_model *model, double g, const double *c,
+                  double *rhs);
+  void (*finish)(const bd_derivatives *at, const bd_model *model, double g, const double *rhs,
+                 double *c);
   /* What happens to y between two steps. *changed: so much, over the scale of errors more than
    * `tolerance`, that rates must be taken anew. */
   int (*after_step)(bd_plan *plan, double t, double *y, double tolerance, int *changed,
@@ -371,14 +378,6 @@ static inline int bd_rim_body(const bd_layout *lay, int c) {
 static inline int bd_belt_body(const bd_layout *lay, int j) {
   return bd_runs_on_shaft(lay, j) ? j : bd_rim_body(lay, lay->rim[j] - lay->rim_speed);
 }
-/* What couplings add to their small matrix with g; to its right-hand side, of c laid out as a
- * state; and their unknowns into c, from the speeds of all bodies. */
-double bd_coupling_entry(const bd_derivatives *at, const bd_model *model, int row, int column,
-                         double g);
-void bd_coupling_product(const bd_derivatives *at, const bd_model *model, double g, const double *c,
-                         double *rhs);
-void bd_coupling_finish(const bd_derivatives *at, const bd_model *model, double g,
-                        const double *rhs, double *c);
 
 /* --- stiffness.c ------------------------------------------------------------------------------ */
 

@@ -16,7 +16,8 @@ void bd_set_going(const bd_plan *plan, double *y, double speed) {
     y[model->lay.omega + j] = model->wraps[j].sense * speed * bd_slower_inside(a) /
                               bd_running_radius(model, j, tension, speed);
   }
-  for (int c = 0; c < model->lay.nc; ++c) {
-    y[model->lay.rim_speed + c] = y[model->lay.omega + model->lay.coupled[c]];
+  for (int body = model->lay.np + model->lay.nm; body < bd_count_bodies(&model->lay); ++body) {
+    const bd_freedom f = bd_freedom_of(plan, body); /* turns with its pulley */
+    y[f.speed] = y[model->lay.omega + f.pulley];
   }
 }

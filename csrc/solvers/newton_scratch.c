@@ -77,7 +77,7 @@ void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *ke
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
-  const int np = lay->np, bodies = np + lay->nm + lay->nc;
+  const int np = lay->np, bodies = bd_count_bodies(lay);
   const int entries = 3 * ring->unknowns * ring->unknowns;
   bd_effects_carve_tangents(carver, &system->at, model);
   double **const by_link[] = {&system->x, &system->y, &system->p};

@@ -79,7 +79,7 @@ static int first_body(const bd_plan *plan) {
 
 static int count_bodies(const bd_plan *plan) {
   const bd_layout *lay = &plan->model->lay;
-  return plan->pulleys_locked ? lay->nm : lay->np + lay->nm + lay->nc;
+  return plan->pulleys_locked ? lay->nm : bd_count_bodies(lay);
 }
 
 static int is_prescribed(const bd_plan *plan, int body) {
@@ -98,13 +98,10 @@ static int pulley_of(const bd_layout *lay, int body) {
 /* The inertia of a shaft or a rim, and what its own acceleration does to the forces on it. */
 static double body_inertia(const bd_newton_system *system, const bd_plan *plan, int body,
                            double g) {
-  const bd_model *model = plan->model;
-  const bd_layout *lay = &model->lay;
+  const bd_layout *lay = &plan->model->lay;
   const int shaft = body < lay->np, j = pulley_of(lay, body);
-  double inertia =
-      (shaft ? model->inertia[body] : model->couplings[body - lay->np - lay->nm].inertia) *
-          (1.0 + g * system->at.mass_damping) +
-      (j >= 0 ? system->own[j] : 0.0);
+  double inertia = bd_freedom_of(plan, body).inertia * (1.0 + g * system->at.mass_damping) +
+                   (j >= 0 ? system->own[j] : 0.0);
   if (shaft && system->at.pulley_damping) {
     inertia += g * system->at.pulley_damping[body];
   }
@@ -133,8 +130,13 @@ static double body_entry(const bd_newton_system *system, const bd_plan *plan, in
   const int shafts = i < np && j < np;
   const double torque =
       shafts ? system->by_omega[i * np + j] + g * system->by_theta[i * np + j] : 0.0;
-  return (i == j ? body_inertia(system, plan, i, g) : 0.0) - g * torque +
-         (lay->nc > 0 ? bd_coupling_entry(&system->at, plan->model, i, j, g) : 0.0);
+  double entry = (i == j ? body_inertia(system, plan, i, g) : 0.0) - g * torque;
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->entry) {
+      entry += plan->effects[e]->entry(&system->at, plan->model, i, j, g);
+    }
+  }
+  return entry;
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */
@@ -237,7 +239,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
   stage->slender = 0.25 * model->belt_model->facts.shear;
   stage->k = g * (g * links->stiffness + links->damping);
   stage->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
-  for (int body = 0; body < lay->np + lay->nm + lay->nc; ++body) {
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
     memset(bd_newton_border(system, lay, body), 0,
            (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
   }
@@ -322,10 +324,12 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const double g = system->stage.g;
   const int first = first_body(plan), n = count_bodies(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
-  memset(rhs, 0, (size_t)(lay->np + lay->nm + lay->nc) * sizeof *rhs);
+  memset(rhs, 0, (size_t)(bd_count_bodies(lay)) * sizeof *rhs);
   product(system, plan, c);
-  if (lay->nc > 0 && !plan->pulleys_locked) {
-    bd_coupling_product(&system->at, model, g, c, rhs);
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->product) {
+      plan->effects[e]->product(&system->at, model, g, c, rhs);
+    }
   }
   system->ring_kernels->solve(&system->ring, x, y, p);
   for (int body = first; body < first + n; ++body) {
@@ -348,8 +352,10 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   for (int m = 0; m < lay->nm; ++m) {
     bd_mount_finish(system, plan, m, rhs[lay->np + m], c);
   }
-  if (lay->nc > 0 && !plan->pulleys_locked) {
-    bd_coupling_finish(&system->at, model, g, rhs, c);
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->finish) {
+      plan->effects[e]->finish(&system->at, model, g, rhs, c);
+    }
   }
   close_ring(lay, c);
   for (int j = 0; j < lay->np; ++j) {
