@@ -28,7 +28,8 @@ INLINE void add_to(double *array, int i, vec v) {
 
 /* r = M c_v + Q c_q; the halo of c_q is set on both sides. */
 INLINE void blocks_product(const int d, const bd_layout *lay, double *q, const double *cq,
-                           const double *cv, const double *mass, double *const *r) {
+                           const double *cv, const double *mass, double *const *r,
+                           const int joints) {
   const int stride = lay->stride;
   for (int i = 0; i < lay->n8; i += WIDTH) {
     vec out[3];
@@ -40,7 +41,12 @@ INLINE void blocks_product(const int d, const bd_layout *lay, double *q, const d
       const vec near[3] = {load_unaligned(c - 1), load(c), load_unaligned(c + 1)};
       for (int place = 0; place < 3; ++place) {
         for (int u = 0; u < d; ++u) {
-          out[u] = fma_(load(entry_of(q, d, i, place, d * u + k)), near[place], out[u]);
+          const int e = d * u + k;
+          const double *const entry = entry_of(q, d, i, place, e);
+          if (is_set(place, e, joints)) {
+            out[u] =
+                fma_(is_shared(place, e, joints) ? splat(q[0]) : load(entry), near[place], out[u]);
+          }
         }
       }
     }
@@ -216,10 +222,6 @@ INLINE void restore_states(const int belt, const bd_layout *lay, int n_runs, con
 }
 
 #define NODES(belt, d)                                                                             \
-  static void blocks_product_##belt(const bd_layout *lay, double *q, const double *cq,             \
-                                    const double *cv, const double *mass, double *const *r) {      \
-    blocks_product(d, lay, q, cq, cv, mass, r);                                                    \
-  }                                                                                                \
   static void add_column_##belt(const bd_layout *lay, int n_runs, const bd_run *runs,              \
                                 const double *column, double factor, double *const *r) {           \
     add_column(d, lay, n_runs, runs, column, factor, r);                                           \
@@ -233,6 +235,10 @@ NODES(links, 3)
 NODES(string, 2)
 
 #define SOLVES(belt, of, d)                                                                        \
+  static void blocks_product_##of(const bd_layout *lay, double *q, const double *cq,               \
+                                  const double *cv, const double *mass, double *const *r) {        \
+    blocks_product(belt == STRING ? 2 : 3, lay, q, cq, cv, mass, r, belt == CENTRES);              \
+  }                                                                                                \
   static double row_runs_##of(const bd_layout *lay, int n_runs, const bd_run *runs,                \
                               const double *row, const double *const *v) {                         \
     return row_runs(d, lay, n_runs, runs, row, v);                                                 \

@@ -52,9 +52,9 @@ static void linearise_links(const bd_links *links, const double *y, const bd_tan
   t.spin[-1] = t.spin[n - 1];
 }
 
-/* The ring's blocks without contact. */
-static void fill_ring_links(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                            const bd_assembled *out) {
+/* The ring's blocks without contact; entries that are 0 stay so where joints alone couple links. */
+INLINE void fill_ring(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
+                      const bd_assembled *out, const int joints) {
   const bd_layout *lay = &links->lay;
   const double g2_ = stage->g * stage->g, half = links->half;
   const vec g2 = splat(g2_), none = splat(0.0), spin = splat(g2_ * links->damping);
@@ -85,11 +85,23 @@ static void fill_ring_links(const bd_links *links, const bd_tangent *tangent, co
           {-k, none, -qx, none, -k, -qy, k * s, -(k * c), fma_(s, qx, -fma_(c, qy, bend))}};
       for (int place = 0; place < 3; ++place) {
         for (int e = 0; e < 9; ++e) {
-          store(entry_of(to, 3, i, place, e), (e % 3 == 2 ? turned : sign) * entries[place][e]);
+          if (is_set(place, e, joints)) {
+            store(entry_of(to, 3, i, place, e), (e % 3 == 2 ? turned : sign) * entries[place][e]);
+          }
         }
       }
     }
   }
+}
+
+static void fill_ring_links(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
+                            const bd_assembled *out) {
+  fill_ring(links, tangent, stage, out, 0);
+}
+
+static void fill_ring_centres(const bd_links *links, const bd_tangent *tangent,
+                              const bd_stage *stage, const bd_assembled *out) {
+  fill_ring(links, tangent, stage, out, 1);
 }
 
 #include "kernels/link_contact_tangent.h"
@@ -98,22 +110,23 @@ static void fill_ring_links(const bd_links *links, const bd_tangent *tangent, co
 #include "kernels/contact_points.h"
 #include "kernels/string_jacobian.h"
 
-#define NEWTON(name, belt, d, row, ring)                                                           \
+RING(links, 3, 0)
+RING(centres, 3, 1)
+RING(string, 2, 0)
+
+#define NEWTON(name, belt, d, nodes)                                                               \
   const bd_newton_kernels PASTE(name, BD_LEVEL) = {                                                \
-      .width = WIDTH,                                                                              \
-      .unknowns = d,                                                                               \
-      .ring_row = sizeof(ring##_row),                                                              \
-      .ring_ends = sizeof(ring##_ends),                                                            \
-      .factor = ring##_factor,                                                                     \
-      .solve = ring##_solve,                                                                       \
-      .linearise_joints = linearise_##row,                                                         \
-      .finish_nodes = finish_nodes_##row,                                                          \
-      .fill_ring = fill_ring_##row,                                                                \
+      RING_MEMORY(d),                                                                              \
+      .factor = factor_##belt,                                                                     \
+      .solve = solve_##belt,                                                                       \
+      .linearise_joints = linearise_##nodes,                                                       \
+      .finish_nodes = finish_nodes_##nodes,                                                        \
+      .fill_ring = fill_ring_##belt,                                                               \
       .fill_pulley = {fill_pulley_NONE_##belt, BD_LAWS(LAW_##belt)},                               \
-      .blocks_product = blocks_product_##row,                                                      \
+      .blocks_product = blocks_product_##belt,                                                     \
       .states_product = states_product_##belt,                                                     \
       .row_runs = row_runs_##belt,                                                                 \
-      .add_column = add_column_##row,                                                              \
+      .add_column = add_column_##nodes,                                                            \
       .restore_states = restore_states_##belt,                                                     \
       .sum_runs = sum_runs,                                                                        \
   };
@@ -122,6 +135,6 @@ static void fill_ring_links(const bd_links *links, const bd_tangent *tangent, co
   [BD_LAW_##name] = fill_pulley_##name##_string,
 #define LAW_centres(name, class, general, states, text)                                            \
   [BD_LAW_##name] = fill_pulley_##name##_centres,
-NEWTON(bd_newton_, links, 3, links, ring)
-NEWTON(bd_newton_centres_, centres, 3, links, ring)
-NEWTON(bd_newton_string_, string, 2, string, string)
+NEWTON(bd_newton_, links, 3, links)
+NEWTON(bd_newton_centres_, centres, 3, links)
+NEWTON(bd_newton_string_, string, 2, string)

@@ -205,7 +205,7 @@ typedef struct bd_newton_kernels {
   int unknowns;               /* of a link: 3, or 2 of a mass of a string */
   size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
   void (*factor)(const bd_ring *ring, const double *w);
-  void (*solve)(const bd_ring *ring, double *x, double *y, double *p);
+  void (*solve)(const bd_ring *ring, double *const *v);
   void (*linearise_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);
   void (*finish_nodes)(const bd_links *links, const bd_stage *stage, int n_columns,
                        const double *columns, const double *factors, const double *x,

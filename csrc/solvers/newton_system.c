@@ -249,7 +249,8 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
   const int first = first_body(plan), n = count_bodies(plan);
   for (int j = 0; j < n; ++j) {
     double *z = bd_newton_border(system, lay, first + j);
-    system->ring_kernels->solve(&system->ring, z, z + lay->stride, z + 2 * lay->stride);
+    system->ring_kernels->solve(&system->ring,
+                                (double *const[]){z, z + lay->stride, z + 2 * lay->stride});
     for (int i = 0; i < n; ++i) {
       if (is_prescribed(plan, first + i)) {
         system->matrix[i * n + j] = i == j;
@@ -276,9 +277,8 @@ static void close_ring(const bd_layout *lay, double *c) {
 /* Solutions do not move what stands there in a state, by rounding either, which differences of
  * states over a step's length make grow. */
 static void clear_behind(const bd_layout *lay, double *c) {
-  const int n = lay->n;
   for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
-    memset(v + n, 0, (size_t)(lay->stride - BD_HALO - n) * sizeof *v);
+    v[lay->n] = 0.0;
   }
 }
 
@@ -331,7 +331,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
       plan->effects[e]->product(&system->at, model, g, c, rhs);
     }
   }
-  system->ring_kernels->solve(&system->ring, x, y, p);
+  system->ring_kernels->solve(&system->ring, (double *const[]){x, y, p});
   for (int body = first; body < first + n; ++body) {
     const int j = body < lay->np ? body : -1;
     if (is_prescribed(plan, body)) {
