@@ -48,6 +48,7 @@ class BeltFacts(TypedDict):
 
 BELTS: tuple[BeltFacts, ...]
 MAX_STRAIN: float
+GRAVITY: float  # on a hung weight [N/kg]
 MAX_LINKS: int
 
 def belt_line(
@@ -56,6 +57,9 @@ def belt_line(
     outside: Sequence[bool] | None = None,
     names: Sequence[str | None] | None = None,
 ) -> tuple[tuple[tuple[float, float, float, int], ...], float, int]: ...
+def mount_directions(
+    kind: str, pair: tuple[float, float], centers: ArrayLike, /
+) -> NDArray[np.float64]: ...
 def kernel_level() -> str: ...
 def check_parameter(group: str, name: str, label: str, value: float, /) -> None: ...
 def friction_law(
@@ -122,6 +126,8 @@ class Model:
     def belt(self) -> str: ...  # name of its row in BELTS
     @property
     def rest(self) -> NDArray[np.float64]: ...  # travels of the mounts in equilibrium
+    @property
+    def mounts(self) -> tuple[dict[str, float], ...]: ...  # numbers as they act: BD_MOUNT_NUMBERS
     @property
     def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy" in its runs
     @property

@@ -124,24 +124,20 @@ typedef struct bd_contact {
 /* What lets the axis of a pulley move (MODEL section 5): an arm turns about its pivot, a slider
  * goes along its direction (of any length), a path is prescribed: displacements (n_t, 2) from the
  * pulley's center at times t (n_t >= 2, increasing), the first one none, joined by a cubic spline
- * that is at rest at both ends. */
-typedef struct bd_arm {
-  BD_ARM(X)
-} bd_arm;
+ * that is at rest at both ends. Those that move have numbers of their group, the others 0. */
+typedef struct bd_sprung {
+  double inertia, mass, weight;
+  BD_SPRUNG(X, sprung, , , , , )
+} bd_sprung;
 
-typedef struct bd_slider {
-  BD_SLIDER(X)
-} bd_slider;
+typedef bd_sprung bd_arm, bd_slider;
 
-enum { BD_MOUNT_ARM, BD_MOUNT_SLIDER, BD_MOUNT_PATH };
+enum { BD_MOUNT_ARM, BD_MOUNT_SLIDER, BD_MOUNT_PATH }; /* rows of the table in mount.c */
 
 typedef struct bd_mount {
   int kind; /* BD_MOUNT_... */
-  union {
-    bd_arm arm;
-    bd_slider slider;
-  };
-  double pivot[2], direction[2];
+  bd_sprung numbers;
+  double guide[2]; /* pivot or direction */
   size_t n_t;
   const double *t, *displacement; /* copied */
 } bd_mount;
@@ -276,6 +272,14 @@ int bd_model_belt(const bd_model *model); /* row of its belt, BD_BELT_MODEL_... 
  */
 void bd_model_rest(const bd_model *model, double *travel);
 void bd_model_centers(const bd_model *model, const double *travel, double *centers);
+/* Numbers of mount m as they act, given or chosen. */
+typedef struct bd_mount_numbers {
+#define X(name, text) double name;
+  BD_MOUNT_NUMBERS(X)
+#undef X
+} bd_mount_numbers;
+
+bd_mount_numbers bd_model_mount(const bd_model *model, int m);
 
 /* What messages call a pulley: pulley "crank", or pulley 3 if it has no name. */
 typedef struct bd_label {
@@ -595,6 +599,14 @@ int bd_model_set_going(const bd_model *model, const bd_state *state, double spee
 int bd_model_solve(const bd_model *model, const bd_state *state, double g, const bd_state *c,
                    bd_state *k, bd_error *err);
 
+/* What a mount is called, by BD_MOUNT_..., NULL: there is none; and the pair that says along what
+ * it moves, NULL: times and displacements do. */
+const char *bd_mount_name(int kind, const char **guide);
+/* How the axis moves with the travel of a mount that has such a pair, from `center` on: [m] of an
+ * angle, its lever; 1 of a length. */
+void bd_mount_direction(const bd_mount *mount, const double center[2], double direction[2]);
+/* Weight of a kilogram hung on a slider [N]. */
+#define BD_GRAVITY 9.80665
 const char *bd_law_name(int law);
 int bd_law_find(const char *name); /* -1: there is none */
 /* The law of a pulley, its coefficient in full slip, and the slip in which friction is fully

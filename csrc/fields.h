@@ -40,31 +40,27 @@
   X(drag, viscous, NONNEGATIVE, "N m s", "viscous bearing drag, torque over speed")                \
   X(drag, quadratic, NONNEGATIVE, "N m s^2", "quadratic bearing drag, over speed squared")
 /* Mounts that move, of an axis: arms and sliders. 0 is a number chosen, of friction_stiffness, of
- * stop_stiffness, and with that of stop_damping; lowest and highest both 0: no stops. */
+ * stop_stiffness, and with that of stop_damping; lowest and highest both 0: no stops. What all of
+ * them have, of a force in the sense of a travel: */
+#define BD_SPRUNG(X, group, unit, way, force, guide, travel)                                       \
+  X(group, stiffness, NONNEGATIVE, unit "/" way, "of the spring, k")                               \
+  X(group, preload, FINITE, unit, force " of the spring in the place of the scene, S_0")           \
+  X(group, damping, NONNEGATIVE, unit " s/" way, "of the damper, d")                               \
+  X(group, friction, NONNEGATIVE, unit, "Dahl friction of the " guide " in full sliding, F_m")     \
+  X(group, friction_stiffness, NONNEGATIVE, unit "/" way,                                          \
+    "of that friction before it slides, kappa")                                                    \
+  X(group, lowest, FINITE, way, travel " of the lower stop from the place of the scene")           \
+  X(group, highest, FINITE, way, travel " of the upper stop")                                      \
+  X(group, stop_stiffness, NONNEGATIVE, unit "/" way, "of a stop, k_s")                            \
+  X(group, stop_damping, NONNEGATIVE, unit " s/" way, "of a stop, d_s")
 #define BD_ARM(X)                                                                                  \
   X(arm, inertia, POSITIVE, "kg m^2", "about the pivot, the pulley's mass included, J")            \
   X(arm, mass, NONNEGATIVE, "kg", "on the pulley's axis, for gravity; part of the inertia")        \
-  X(arm, stiffness, NONNEGATIVE, "N m/rad", "of the spring, k")                                    \
-  X(arm, preload, FINITE, "N m", "torque of the spring in the place of the scene, S_0")            \
-  X(arm, damping, NONNEGATIVE, "N m s/rad", "of the damper, d")                                    \
-  X(arm, friction, NONNEGATIVE, "N m", "Dahl friction of the pivot in full sliding, F_m")          \
-  X(arm, friction_stiffness, NONNEGATIVE, "N m/rad", "of that friction before it slides, kappa")   \
-  X(arm, lowest, FINITE, "rad", "angle of the lower stop from the place of the scene")             \
-  X(arm, highest, FINITE, "rad", "angle of the upper stop")                                        \
-  X(arm, stop_stiffness, NONNEGATIVE, "N m/rad", "of a stop, k_s")                                 \
-  X(arm, stop_damping, NONNEGATIVE, "N m s/rad", "of a stop, d_s")
+  BD_SPRUNG(X, arm, "N m", "rad", "torque", "pivot", "angle")
 #define BD_SLIDER(X)                                                                               \
   X(slider, mass, POSITIVE, "kg", "of carriage and pulley")                                        \
   X(slider, weight, NONNEGATIVE, "kg", "hung on it, pulls along the direction, w")                 \
-  X(slider, stiffness, NONNEGATIVE, "N/m", "of the spring, k")                                     \
-  X(slider, preload, FINITE, "N", "force of the spring in the place of the scene, S_0")            \
-  X(slider, damping, NONNEGATIVE, "N s/m", "of the damper, d")                                     \
-  X(slider, friction, NONNEGATIVE, "N", "Dahl friction of the guide in full sliding, F_m")         \
-  X(slider, friction_stiffness, NONNEGATIVE, "N/m", "of that friction before it slides, kappa")    \
-  X(slider, lowest, FINITE, "m", "travel of the lower stop from the place of the scene")           \
-  X(slider, highest, FINITE, "m", "travel of the upper stop")                                      \
-  X(slider, stop_stiffness, NONNEGATIVE, "N/m", "of a stop, k_s")                                  \
-  X(slider, stop_damping, NONNEGATIVE, "N s/m", "of a stop, d_s")
+  BD_SPRUNG(X, slider, "N", "m", "force", "guide", "travel")
 /* Couplings between a pulley's shaft and its rim (MODEL section 5), and the ring of a torsional
  * damper. 0 is a number chosen, of the clutch's stiffness and damping. */
 #define BD_ISOLATOR(X)                                                                             \
@@ -198,6 +194,12 @@
   X(double, contact_strain, "what its sinking into the pulleys takes off the strain at rest")      \
   X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")                         \
   X(double, drag_speed, "rim speed within which Coulomb drag changes its sign, v_0 [m/s]")
+
+/* Numbers of a mount as they act, given or chosen: X(name, text). 0 of one that is prescribed. */
+#define BD_MOUNT_NUMBERS(X)                                                                        \
+  X(inertia, "that its travel moves [kg m^2 of an angle, kg]")                                     \
+  X(friction_stiffness, "of its friction before it slides [N m/rad or N/m]")                       \
+  X(stop_stiffness, "of a stop [N m/rad or N/m]")
 
 /* Sampled outputs, one row a sample: X(name, group, size, unit, text). size: as of BD_SIZES. Of
  * mounts: torques of an arm, forces of a slider, in the sense of its travel. */

@@ -78,6 +78,7 @@ int bd_core_read_friction(PyObject *object, const char *label, bd_friction *fric
 int bd_core_read_gravity(PyObject *object, double gravity[2]);
 /* A mount, (kind, place, numbers); arrays that it points to stay in the list `keep`. */
 int bd_core_read_mount(PyObject *entry, const char *label, bd_mount *mount, PyObject *keep);
+PyObject *bd_core_mount_directions(PyObject *module, PyObject *args);
 /* What pulleys may have of their own, an entry each, or None: in bd_pulley's words. */
 typedef struct {
   PyObject *drag, *friction, *outside, *names, *mounts, *couplings;

@@ -434,6 +434,20 @@ static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
   return (PyObject *)travel;
 }
 
+static PyObject *model_mounts(PyObject *object, void *Py_UNUSED(closure)) {
+  const bd_core_model *self = (const bd_core_model *)object;
+  PyObject *all = PyTuple_New(self->info.n_mounts);
+  for (int m = 0; all && m < self->info.n_mounts; m++) {
+    const bd_mount_numbers numbers = bd_model_mount(self->model, m);
+    PyObject *dict = PyDict_New();
+#define X(name, text) BD_CORE_SET_NUMBER(dict, numbers, name)
+    BD_MOUNT_NUMBERS(X)
+#undef X
+    all = bd_core_put(all, m, dict);
+  }
+  return all;
+}
+
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
@@ -442,6 +456,8 @@ static PyGetSetDef model_properties[] = {
     {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
     {"sizes", model_sizes, NULL,
      "How many values fields and outputs of each size have; of PLANE vectors.", NULL},
+    {"mounts", model_mounts, NULL, "Numbers of each mount as they act, given or chosen, a dict.",
+     NULL},
     {"energy_terms", model_energy_terms, NULL,
      "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},

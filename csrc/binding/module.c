@@ -281,12 +281,18 @@ PyDoc_STRVAR(
     "angle over which it lies, the length of the span that follows and the sense of the\n"
     "turn; the length of the line, and its turns. Raises ValueError where there is none.");
 
+PyDoc_STRVAR(mount_directions_doc,
+             "mount_directions(kind, pair, centers, /)\n--\n\n"
+             "How the axis of a pulley at each of the centers (n, 2) moves with the travel of a\n"
+             "mount of that kind, pivot or direction (n, 2): of an angle its lever [m], else 1.");
+
 static PyMethodDef functions[] = {
     {"kernel_level", kernel_level, METH_NOARGS, kernel_level_doc},
     {"check_parameter", check_parameter, METH_VARARGS, check_parameter_doc},
     BD_CORE_KEYWORDS("friction_law", friction_law, friction_law_doc),
     {"friction_states", friction_states, METH_O, friction_states_doc},
     BD_CORE_KEYWORDS("belt_line", bd_core_belt_line, belt_line_doc),
+    {"mount_directions", bd_core_mount_directions, METH_VARARGS, mount_directions_doc},
     BD_CORE_KEYWORDS("dahl_slide", dahl_slide, dahl_slide_doc),
     BD_CORE_KEYWORDS("dahl_path", dahl_path, dahl_path_doc),
     BD_CORE_KEYWORDS("span_tension", bd_core_span_tension, bd_core_span_tension_doc),
@@ -433,6 +439,7 @@ static int add_tables(PyObject *module) {
                  add(module, "EFFECTS", effect_table()) < 0 ||
                  add(module, "BELTS", belt_table()) < 0 ||
                  add(module, "MAX_STRAIN", PyFloat_FromDouble(BD_MAX_STRAIN)) < 0 ||
+                 add(module, "GRAVITY", PyFloat_FromDouble(BD_GRAVITY)) < 0 ||
                  add(module, "MAX_LINKS", PyLong_FromLong(BD_MAX_LINKS)) < 0 ||
                  add(module, "__version__", PyUnicode_FromString(BD_VERSION)) < 0
              ? -1

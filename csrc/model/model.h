@@ -29,16 +29,18 @@ typedef struct bd_route {
 
 typedef struct bd_belt_model bd_belt_model;
 
-/* A mount with all its numbers, places relative to the origin (MODEL section 5). Of a slider the
- * hung weight is in inertia and preload; of a path only t, points and slopes have a meaning. */
+/* A mount with all its numbers, places relative to the origin (MODEL section 5). A hung weight is
+ * in inertia and preload; of one that is prescribed only t, points and slopes are not 0. */
 typedef struct bd_mounted {
   int pulley, kind; /* BD_MOUNT_... */
   double drawn[2];  /* place of the axis in the scene */
-  double pivot[2], direction[2];
+  double guide[2];  /* pivot; unit vector of its direction */
   double inertia, mass, stiffness, preload, damping;
   double friction, adapts; /* F_m; kappa / F_m, 0 without friction */
   double lowest, highest, stop_stiffness, stop_damping;
   int has_stops;
+  const struct bd_mount_kind *row;
+  double turning; /* angle by which it turns the bearings of its pulley, over the travel */
   size_t n_t;
   double *t, *points, *slopes, *scratch; /* (n_t), (n_t, 2), (n_t, 2), (n_t) */
   double fastest;                        /* of the axis on it, a bound */
@@ -50,6 +52,22 @@ typedef struct bd_mounted {
 typedef struct bd_place {
   double c[2], a[2], bend[2];
 } bd_place;
+
+/* A row of the table in mount.c: another mount is another row, and the functions it names. */
+typedef struct bd_mount_kind {
+  const char *name;  /* and the group of its parameters */
+  const char *many;  /* in result.effects */
+  const char *guide; /* the pair that says along what it moves; NULL: times and displacements */
+  int moves;         /* by what acts on it; 0: it is prescribed, its travel is the time [s] */
+  int angle;         /* its travel is one [rad]; 0: a length [m] */
+  /* Travel looked at for balance, of a length over the belt's: by steps that grow. */
+  double step, longest, farthest;
+  /* What the rules of its parameters do not say. */
+  int (*check)(const bd_pulley *pulley, int j, bd_error *err);
+  /* What its numbers do not say, and those that mean something else. */
+  void (*fill)(bd_mounted *mount, const bd_model *model, const bd_mount *given);
+  bd_place (*place)(const bd_mounted *mount, double q);
+} bd_mount_kind;
 
 /* A coupling with all its numbers. Its rim is the part on which no torque acts: of a damper the
  * ring. */
@@ -86,6 +104,8 @@ struct bd_model {
   bd_error geometry;     /* what bd_model_check_geometry returns */
   double far_away;       /* where the padding stands: on no pulley */
   bd_mounted *mounts;    /* lay.nm; NULL: none */
+  int n_moving;          /* of them those that move by what acts on them */
+  char moving[64];       /* what result.effects calls these */
   int *mounted;          /* their pulleys */
   int *mount_of;         /* by pulley its mount, -1: none; NULL: there are no mounts */
   bd_coupled *couplings; /* lay.nc; NULL: none */
@@ -220,16 +240,18 @@ static inline double bd_contact_stiffness(double c1, double c2, double force) {
 int bd_mount_check(const bd_scene *scene, int pulley, bd_error *err);
 void bd_model_carve_mounts(bd_carver *carver, bd_model *model, const bd_scene *scene);
 void bd_model_fill_mounts(bd_model *model, const bd_scene *scene);
-bd_place bd_mount_place(const bd_mounted *mount, double q);
-/* On an arm or slider: of the spring; of the stops, and the power they lose; of gravity. */
+static inline bd_place bd_mount_place(const bd_mounted *mount, double q) {
+  return mount->row->place(mount, q);
+}
+/* On one that moves: of the spring; of the stops, and the power they lose; of gravity. */
 double bd_mount_spring(const bd_mounted *mount, double q);
 double bd_mount_stop(const bd_mounted *mount, double q, double v, double *loss);
 double bd_mount_weight(const bd_model *model, const bd_mounted *mount, const bd_place *at);
 double bd_mount_stored(const bd_mounted *mount, double q);
-/* The arm on which pulley j stands, or NULL. */
-static inline const bd_mounted *bd_arm_of(const bd_model *model, int j) {
+/* The mount that turns the bearings of pulley j, against which its drag acts, -1: none does. */
+static inline int bd_turned_by(const bd_model *model, int j) {
   const int m = model->mount_of ? model->mount_of[j] : -1;
-  return m >= 0 && model->mounts[m].kind == BD_MOUNT_ARM ? &model->mounts[m] : NULL;
+  return m >= 0 && model->mounts[m].turning != 0.0 ? m : -1;
 }
 
 /* --- coupling.c ------------------------------------------------------------------------------- */
@@ -254,7 +276,7 @@ static inline int bd_runs_on_shaft(const bd_layout *lay, int j) {
 
 /* --- mount_rest.c ----------------------------------------------------------------------------- */
 
-/* Brings the pulleys on arms and sliders to where these are in equilibrium with the tension of the
+/* Brings the pulleys on mounts that move to where these are in equilibrium with the tension of the
  * belt: cx, cy of the model, and `rest` of the mounts. Fails, into model->geometry, where there is
  * none. */
 int bd_mounts_rest(bd_model *model);
@@ -269,9 +291,8 @@ static inline double bd_contact_depth(double c1, double c2, double force) {
 /* Mean tension of the belt between its fixed axes, without load, that runs along itself at a speed
  * [m/s], 0: at rest [N]. */
 double bd_rest_tension(const bd_model *model, double speed);
-/* The same, about, of a belt with mounts, too; whether any of these are arms or sliders. */
+/* The same, about, of a belt with mounts, too. */
 double bd_running_tension(const bd_model *model, double speed);
-int bd_model_gives_way(const bd_model *model);
 /* Radius on which it runs under a tension at that speed: less by the depth by which it sinks in,
  * more by what a compensated contact begins further out. */
 double bd_running_radius(const bd_model *model, int j, double tension, double speed);

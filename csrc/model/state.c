@@ -340,7 +340,7 @@ double bd_state_scale(const bd_model *model, int row, int k) {
                                                       : 0.5 * model->info.link_length;
   const int states = model->lay.states;
   double least = INFINITY;
-  if (mount && mount->kind == BD_MOUNT_PATH) {
+  if (mount && !mount->row->moves) {
     return INFINITY;
   }
   switch (field->scale) {

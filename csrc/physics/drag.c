@@ -34,11 +34,11 @@ double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j,
          2.0 * drag->quadratic * fastest;
 }
 
-/* Of pulley j at a state, against the arm on which it may stand. */
+/* Of pulley j at a state, against its bearings, which a mount may turn. */
 static double drag_speed(const bd_model *model, const double *y, int j) {
   const bd_layout *lay = &model->lay;
-  const double turning = bd_arm_of(model, j) ? y[lay->travel_speed + model->mount_of[j]] : 0.0;
-  return y[lay->omega + j] - turning;
+  const int m = bd_turned_by(model, j);
+  return y[lay->omega + j] - (m >= 0 ? model->mounts[m].turning * y[lay->travel_speed + m] : 0.0);
 }
 
 static double on_shaft(const bd_plan *plan, const double *y, int j) {
@@ -117,13 +117,13 @@ static int rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   double loss = 0.0;
   for (int j = 0; j < lay->np; ++j) {
     const double torque = -on_shaft(plan, y, j);
-    const bd_mounted *arm = bd_arm_of(model, j);
+    const int m = bd_turned_by(model, j);
     dy[lay->omega + j] -= torque / model->inertia[j];
     loss += torque * y[lay->omega + j];
-    if (arm) {
-      const int m = model->mount_of[j];
-      dy[lay->travel_speed + m] += torque / arm->inertia;
-      loss -= torque * y[lay->travel_speed + m];
+    if (m >= 0) {
+      const double on_mount = model->mounts[m].turning * torque;
+      dy[lay->travel_speed + m] += on_mount / model->mounts[m].inertia;
+      loss -= on_mount * y[lay->travel_speed + m];
     }
   }
   dy[lay->work + W_drag_loss] = loss;

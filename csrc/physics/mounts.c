@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Mounts (MODEL section 5), three effects (effects.c): the axes are where the travels
- * have them, before contact; arms and sliders move by what acts on them, after it; and the travel
- * of paths is the time.
+ * Mounts (MODEL section 5), three effects (effects.c): the axes are where the travels have them,
+ * before contact; those that move do so by what acts on them, after it; and the travel of those
+ * that are prescribed is the time.
  */
 #include <math.h>
 #include <stdio.h>
@@ -10,31 +10,19 @@
 
 #include "physics/physics.h"
 
-static int is_path(const bd_mounted *mount) {
-  return mount->kind == BD_MOUNT_PATH;
-}
-
 int bd_axes_enabled(const bd_model *model, const bd_plan_options *options) {
   (void)options;
   return model->lay.nm > 0;
 }
 
-static int count_paths(const bd_model *model) {
-  int n = 0;
-  for (int m = 0; m < model->lay.nm; ++m) {
-    n += is_path(&model->mounts[m]);
-  }
-  return n;
-}
-
 int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options) {
   (void)options;
-  return model->lay.nm > count_paths(model);
+  return model->n_moving > 0;
 }
 
 int bd_paths_enabled(const bd_model *model, const bd_plan_options *options) {
   (void)options;
-  return count_paths(model) > 0;
+  return model->lay.nm > model->n_moving;
 }
 
 void bd_axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
@@ -47,13 +35,7 @@ void bd_axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_mode
 }
 
 const char *bd_mounts_label(const bd_plan *plan) {
-  int has[3] = {0};
-  for (int m = 0; m < plan->model->lay.nm; ++m) {
-    has[plan->model->mounts[m].kind] = 1;
-  }
-  return !has[BD_MOUNT_SLIDER] ? "mounts: arms"
-         : !has[BD_MOUNT_ARM]  ? "mounts: sliders"
-                               : "mounts: arms and sliders";
+  return plan->model->moving;
 }
 
 /* --- where the axes are ----------------------------------------------------------------------- */
@@ -87,7 +69,7 @@ int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err) {
   const bd_layout *lay = &model->lay;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
-    if (!is_path(mount)) {
+    if (mount->row->moves) {
       continue;
     }
     const bd_place is = bd_mount_place(mount, y[lay->travel + m]), due = bd_mount_place(mount, t);
@@ -117,7 +99,7 @@ int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err
   double lost = 0.0;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
-    if (is_path(mount)) {
+    if (!mount->row->moves) {
       continue;
     }
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
@@ -145,7 +127,7 @@ int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err)
   const bd_layout *lay = &model->lay;
   double given = 0.0;
   for (int m = 0; m < lay->nm; ++m) {
-    if (!is_path(&model->mounts[m])) {
+    if (model->mounts[m].row->moves) {
       continue;
     }
     const bd_place at = bd_mount_place(&model->mounts[m], y[lay->travel + m]);
@@ -179,7 +161,7 @@ void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out
     const bd_mounted *mount = &model->mounts[m];
     bd_mount_tangent *to = &out->mounts[m];
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
-    if (is_path(mount)) {
+    if (!mount->row->moves) {
       continue;
     }
     const double fx = plan->hub[2 * m] + mount->mass * model->gravity[0];
@@ -233,7 +215,7 @@ int bd_mounts_stiffness(const bd_stiff_at *at, bd_stiff *parts) {
   const bd_model *model = at->model;
   const bd_info *info = &model->info;
   const int j = at->pulley, m = model->mount_of[j];
-  if (m < 0 || is_path(&model->mounts[m])) {
+  if (m < 0 || !model->mounts[m].row->moves) {
     return 0;
   }
   const bd_mounted *mount = &model->mounts[m];
@@ -304,7 +286,7 @@ int bd_axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int
   int code = BD_OK;
   for (int m = 0; m < lay->nm; ++m) {
     double *share = &y[lay->mount_friction + m];
-    if (is_path(&plan->model->mounts[m])) { /* as exact as the time */
+    if (!plan->model->mounts[m].row->moves) { /* as exact as the time */
       y[lay->travel + m] = y[lay->travel_speed + m] != 0.0 ? t : y[lay->travel + m];
     } else if (fabs(*share) > 1.0) {
       *changed |= fabs(*share) > 1.0 + tolerance;
@@ -326,9 +308,6 @@ void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_EN
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
-    if (is_path(mount)) {
-      continue;
-    }
     const bd_place at = bd_mount_place(mount, q);
     terms[BD_ENERGY_kinetic] += 0.5 * mount->inertia * v * v;
     terms[BD_ENERGY_mount] += bd_mount_stored(mount, q);
@@ -357,10 +336,11 @@ void bd_axes_outputs(bd_plan *plan, const double *y, const bd_output *out, size_
     } columns[] = {
         {out->travel, q},
         {out->travel_speed, v},
-        {out->spring_force, is_path(mount) ? 0.0 : bd_mount_spring(mount, q)},
-        {out->damper_force, is_path(mount) ? 0.0 : -mount->damping * v},
-        {out->friction_force, is_path(mount) ? 0.0 : -mount->friction * y[lay->mount_friction + m]},
-        {out->stop_force, is_path(mount) ? 0.0 : bd_mount_stop(mount, q, v, &lost)},
+        {out->spring_force, bd_mount_spring(mount, q)},
+        {out->damper_force, mount->row->moves ? -mount->damping * v : 0.0},
+        {out->friction_force,
+         mount->row->moves ? -mount->friction * y[lay->mount_friction + m] : 0.0},
+        {out->stop_force, bd_mount_stop(mount, q, v, &lost)},
         {out->belt_force, out->belt_force ? bd_mount_belt_force(plan, y, m) : 0.0},
     };
     for (size_t c = 0; c < sizeof columns / sizeof columns[0]; ++c) {

@@ -58,7 +58,7 @@ void bd_search_ready(bd_plan *plan, const double *y, double h) {
     const bd_place at = bd_mount_place(mount, y[lay->travel + m]);
     double speed = y[lay->travel_speed + m] * hypot(at.a[0], at.a[1]);
     /* a path may be at rest now and go on at once */
-    speed = fmax(speed, mount->kind == BD_MOUNT_PATH ? mount->fastest : 0.0);
+    speed = fmax(speed, mount->fastest);
     fastest = fmax(fastest, speed * speed);
   }
   /* Twice for what a link can gain on the speed at the step's start, twice for what link and

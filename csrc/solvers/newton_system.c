@@ -86,7 +86,7 @@ static int is_prescribed(const bd_plan *plan, int body) {
   const int np = plan->model->lay.np;
   return body < np ? bd_is_moved(&plan->torques, body)
                    : bd_is_mount_body(&plan->model->lay, body) &&
-                         plan->model->mounts[body - np].kind == BD_MOUNT_PATH;
+                         !plan->model->mounts[body - np].row->moves;
 }
 
 /* The pulley at which the belt runs on this body, which is no mount; -1: it does not. */
@@ -189,7 +189,7 @@ static void correct_bodies(const bd_newton_system *system, const bd_plan *plan, 
   const bd_layout *lay = &plan->model->lay;
   const int m = mount_of(plan, j);
   c[lay->rim[j]] += plan->pulleys_locked ? 0.0 : sums->torque / plan->model->rim_inertia[j];
-  if (m >= 0 && plan->model->mounts[m].kind != BD_MOUNT_PATH) {
+  if (m >= 0 && plan->model->mounts[m].row->moves) {
     const double *a = system->at.mounts[m].at.a;
     c[lay->travel_speed + m] -=
         (a[0] * sums->force[0] + a[1] * sums->force[1]) / plan->mount_inertia[m];
