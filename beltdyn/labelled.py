@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from . import _core
 from .checks import Array
 from .histories import EnergyLedger
+from .mounts import KINDS
 from .naming import span_name
 from .optional import optional_module
 from .outputs import LEDGER, SPANS
@@ -61,8 +62,8 @@ def span_names(params: Params) -> list[str]:
 
 
 def mount_kinds(params: Params) -> list[str]:
-    """Give the kinds of the mounts (n_m,): "arm", "slider" or "path"."""
-    return [type(params.pulleys[k].mount).__name__.lower() for k in params.mounted]
+    """Give the kinds of the mounts (n_m,), in words of :data:`beltdyn.mounts.KINDS`."""
+    return [mount._row.name for pulley in params.pulleys if (mount := pulley.mount) is not None]
 
 
 def dimensions(name: str, size: str) -> tuple[str, ...]:
@@ -132,8 +133,9 @@ def dataset(
 
 def unit_of_mounts(unit: str, params: Params) -> str:
     """Give the one of "rad or m" that all mounts have, both if they differ."""
-    kinds, units = set(mount_kinds(params)), unit.split(" or ")
-    return {"arm": units[0], "slider": units[-1]}.get(min(kinds), unit) if len(kinds) == 1 else unit
+    rows = [KINDS[name] for name in mount_kinds(params)]
+    known = None not in (angles := {row.angle for row in rows})
+    return rows[0].unit(unit) if known and len(angles) == 1 else unit
 
 
 def _labels(name: str) -> dict[str, str]:

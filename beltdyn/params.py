@@ -15,7 +15,7 @@ from . import _core, balance, html, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, Frictionless, law_or_none
-from .mounts import Path, travel_text
+from .mounts import Path, Sprung
 from .parts import BELTS, Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
@@ -285,6 +285,13 @@ class Params:
         return tuple(k for k, pulley in enumerate(self.pulleys) if pulley.mount is not None)
 
     @property
+    def _moving(self) -> tuple[tuple[int, int, Sprung], ...]:
+        """Of the mounts that move by what acts on them: index, that of the pulley, mount."""
+        pulleys = self.effective_pulleys
+        mounts = [(m, k, pulleys[k].mount) for m, k in enumerate(self.mounted)]
+        return tuple((m, k, mount) for m, k, mount in mounts if isinstance(mount, Sprung))
+
+    @property
     def coupled(self) -> tuple[int, ...]:
         """Indices of the pulleys with a coupling, in the order of ``State.rim_speed``."""
         return tuple(k for k, pulley in enumerate(self.pulleys) if pulley.coupling is not None)
@@ -382,10 +389,9 @@ class Params:
         return [(f"belt.{name}", quantity, text) for name, (quantity, text) in rows.items()]
 
     def _mounts_at_rest(self) -> list[str]:
+        travel = self._model.rest
         rest = [
-            f"{self.label(k)} {travel_text(mount, q)}"
-            for k, q in zip(self.mounted, self._model.rest, strict=True)
-            if (mount := self.pulleys[k].mount) is not None and not isinstance(mount, Path)
+            f"{self.label(k)} {mount._row.travel_text(travel[m])}" for m, k, mount in self._moving
         ]
         return [f"mounts rest at {', '.join(rest)} from their places"] if rest else []
 

@@ -29,7 +29,6 @@ from .histories import (
     absent_groups,
     histories,
 )
-from .mounts import Mount, Path, travel_text
 from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
@@ -425,13 +424,13 @@ class Result:
                 error = of_tension and of_tension * abs(float(np.nanmean(means)))
                 tensions = listed(means, error, spans, " N")
                 rows.append(("  span tensions", tensions))
-            moving = [(m, k) for m, k in enumerate(self.params.mounted) if self._moves(k)]
+            moving = self.params._moving
             if self.mounts is not None and moving and self._has("mounts.travel"):
                 travel = mean_over(weights, self.mounts.travel[late])
-                for m, _ in moving:  # two spans of the belt move it
+                for m, *_ in moving:  # two spans of the belt move it
                     if of_tension:
                         travel[m] = rounded(travel[m], 2.0 * of_tension * abs(travel[m]))[0]
-                texts = [f"{names[k]}: {travel_text(self._mount(k), travel[m])}" for m, k in moving]
+                texts = [f"{names[k]}: {on._row.travel_text(travel[m])}" for m, k, on in moving]
                 rows.append(("  mounts, from their places", ", ".join(texts)))
             driver, lost = creep_of(self) if self._has("pulleys.omega") else ("", [])
             if lost:
@@ -457,15 +456,6 @@ class Result:
             rows.append(("  energy unaccounted for", f"{residual:.2g} J, {share} transmitted"))
         rows.append(("CPU time", f"{stats.cpu_time:.3g} s"))
         return rows + (self._of_integrator() if verbose else [])
-
-    def _mount(self, pulley: int) -> Mount:
-        mount = self.params.pulleys[pulley].mount
-        assert mount is not None
-        return mount
-
-    def _moves(self, pulley: int) -> bool:
-        """Whether a pulley with a mount is on an arm or a slider."""
-        return not isinstance(self._mount(pulley), Path)
 
     def _of_integrator(self) -> list[tuple[str, str]]:
         stats = self.stats

@@ -25,8 +25,8 @@ from .couplings import Coupling, Isolator, OverrunningClutch, TorsionalDamper
 from .friction import LAWS, Friction, Frictionless
 from .loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
 from .motions import AngleTable, CrankMotion
-from .mounts import Arm, Mount, Slider, Stops
-from .mounts import Path as AxisPath
+from .mounts import CLASSES as MOUNTS
+from .mounts import Mount, Stops
 from .naming import PulleyLike
 from .tensioning import Offsets
 from .torques import PiecewiseLinear, Torque, Viscous
@@ -51,7 +51,6 @@ _MOTIONS: dict[str, type] = {
     "crank": CrankMotion,
     "angle_table": AngleTable,
 }
-_MOUNTS: dict[str, type] = {"arm": Arm, "slider": Slider, "path": AxisPath}
 _COUPLINGS: dict[str, type] = {
     "isolator": Isolator,
     "clutch": OverrunningClutch,
@@ -63,7 +62,7 @@ FileMotion: TypeAlias = PiecewiseLinear | CrankMotion | AngleTable
 #: that which is meant without.
 _BY_KIND: tuple[tuple[Any, dict[str, type], str | None], ...] = (
     (Friction | None, _FRICTION, "dahl"),
-    (Mount | None, _MOUNTS, None),
+    (Mount | None, MOUNTS, None),
     (Coupling | None, _COUPLINGS, None),
     (Torque, _TORQUES, None),
     (FileMotion, _MOTIONS, None),

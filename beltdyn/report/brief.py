@@ -7,6 +7,7 @@ import textwrap
 from collections.abc import Iterator
 
 from ..html import paragraphs
+from ..mounts import KINDS
 from ..rounding import rounded
 from . import digits, text
 from .digits import (
@@ -21,7 +22,6 @@ from .digits import (
 from .rows import PulleyRow, SpanRow, Told
 from .text import (
     _NOTHING,
-    _OF_KIND,
     _STILL,
     _TO_RPM,
     Table,
@@ -207,7 +207,7 @@ def _of_run(report: Told, row: SpanRow) -> tuple[str, str]:
 def _mounts(report: Told) -> Table:
     rows = []
     for row in report.mounts:
-        way, _, scale = _OF_KIND[row.kind]
+        scale, way = KINDS[row.kind].shown
         travel, to_stop = (
             digits.of_mount(report, row, one, scale) for one in (row.travel, row.to_stop)
         )

@@ -9,8 +9,8 @@ import attrs
 import numpy as np
 
 from ..checks import Array, close_to, shown
-from ..labelled import described, dimensions, places
-from ..mounts import Arm
+from ..labelled import described, dimensions, mount_kinds, places
+from ..mounts import KINDS
 from ..naming import index_of, span_name
 from ..outputs import array_names
 
@@ -79,10 +79,9 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
             f"{chosen.size} samples: it has no spectrum; {by}= selects another"
         )
     words = {"span_tension": "tension", "pulleys.load": "hub load"}.get(output, output)
-    of_arm, *others = unit.split(" or ")
-    if others and not isinstance(result.params.pulleys[result.params.mounted[column]].mount, Arm):
-        of_arm = others[0]
-    return Signal(f"{words} of {names[column]}", of_arm, chosen)
+    if " or " in unit:
+        unit = KINDS[mount_kinds(result.params)[column]].unit(unit)
+    return Signal(f"{words} of {names[column]}", unit, chosen)
 
 
 def _columns(result: Result, dimension: str) -> list[str]:

@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..checks import Array
-from ..mounts import Arm, Path, Slider, axis_direction
 from ..optional import scipy_module
 from ..params import Params
 from ..state import State
@@ -178,9 +177,8 @@ def linearise(
         jacobian = jacobian - passing * _derivative(params, names, index, keep, passing, sparse)
     jacobian = jacobian.tocsc()
     fixed = np.isin(names, ["theta", "omega"]) & np.isin(index, prescribed)
-    paths = [m for m, k in enumerate(params.mounted) if isinstance(params.pulleys[k].mount, Path)]
     of_mounts = np.isin(names, ["travel", "travel_speed", "mount_friction"])
-    fixed |= of_mounts & np.isin(index, paths)
+    fixed |= of_mounts & ~np.isin(index, [m for m, *_ in params._moving])
     inner = np.flatnonzero(keep & ~fixed)
     given = tuple(jacobian[:, np.flatnonzero(names == name)][inner] for name in ("theta", "omega"))
     return Linear(
@@ -236,10 +234,8 @@ def _units(params: Params, names: Any, index: Any, b: Any, g: float, columns: An
     for name in ("theta", "omega"):
         unit[names == name] = 1.0 / radii
     at, levers = params.centers(), np.ones(len(params.mounted))
-    for m, k in enumerate(params.mounted):
-        mount = params.pulleys[k].mount
-        if isinstance(mount, (Arm, Slider)):
-            levers[m] = np.hypot(*axis_direction(mount, at[k]))
+    for m, k, mount in params._moving:
+        levers[m] = np.hypot(*mount._direction(at[k]))
     for name in ("travel", "travel_speed"):
         unit[names == name] = 1.0 / levers
     for name in ("rim_speed", "windup"):

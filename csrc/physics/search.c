@@ -56,7 +56,7 @@ void bd_search_ready(bd_plan *plan, const double *y, double h) {
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &plan->model->mounts[m];
     const bd_place at = bd_mount_place(mount, y[lay->travel + m]);
-    double speed = y[lay->travel_speed + m] * hypot(at.a[0], at.a[1]);
+    double speed = fabs(y[lay->travel_speed + m]) * hypot(at.a[0], at.a[1]);
     /* a path may be at rest now and go on at once */
     speed = fmax(speed, mount->fastest);
     fastest = fmax(fastest, speed * speed);
