@@ -191,9 +191,9 @@ def test_the_sense_of_a_travel_changes_nothing() -> None:
     for sense in (1.0, -1.0):
         mount = drives.slider(direction=(sense, 0.0), mass=25.0, weight=0.0, preload=sense * 240.0)
         params = drives.take_up(mount)
-        thrown = attrs.evolve(bd.settle(params), travel_speed=[-2.0 * sense])
+        thrown = attrs.evolve(bd.settle(params), travel_speed=[-5.0 * sense])
         options: dict[str, Any] = {"initial": thrown, "method": "rk4", "step": 1e-5}
-        result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 2e-3, **options)
+        result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 0.012, **options)
         searches.append(result.stats.searches)
         forces.append(result.joints.force)
     assert searches[0] == searches[1]
