@@ -102,21 +102,13 @@ static void outputs(bd_plan *plan, const double *y, const bd_output *out, size_t
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   for (int c = 0; c < lay->nc; ++c) {
-    const struct {
-      double *to, value;
-    } columns[] = {
-        {out->rim_angle, y[lay->rim_angle + c]},
-        {out->rim_speed, y[lay->rim_speed + c]},
-        {out->windup, model->couplings[c].kind == BD_COUPLING_CLUTCH
-                          ? fmax(0.0, y[lay->windup + c]) /* between steps it is interpolated */
-                          : y[lay->windup + c]},
-        {out->transmitted, model->couplings[c].sense * bd_coupling_at(model, y, c).torque},
-    };
-    for (size_t n = 0; n < sizeof columns / sizeof columns[0]; ++n) {
-      if (columns[n].to) {
-        columns[n].to[k * (size_t)lay->nc + (size_t)c] = columns[n].value;
-      }
-    }
+    const int clutch = model->couplings[c].kind == BD_COUPLING_CLUTCH;
+    const double z = y[lay->windup + c]; /* between steps it is interpolated */
+    const size_t at = k * (size_t)lay->nc + (size_t)c;
+    bd_put(out->rim_angle, at, y[lay->rim_angle + c]);
+    bd_put(out->rim_speed, at, y[lay->rim_speed + c]);
+    bd_put(out->windup, at, clutch ? fmax(0.0, z) : z);
+    bd_put(out->transmitted, at, model->couplings[c].sense * bd_coupling_at(model, y, c).torque);
   }
 }
 
@@ -148,19 +140,17 @@ static double unseen(const bd_plan *plan, const bd_step *step) {
   return most;
 }
 
-static int stiffness(const bd_stiff_at *at, bd_stiff *parts) {
+static void stiffness(bd_stiffening *at) {
   const bd_model *model = at->model;
-  int n = 0;
   for (int c = 0; c < model->lay.nc; ++c) {
     const bd_coupled *k = &model->couplings[c];
+    const double light = 1.0 / k->inertia + 1.0 / at->inertia;
     if (k->pulley == at->pulley) {
-      const double light = 1.0 / k->inertia + 1.0 / at->inertia;
-      parts[n++] = (bd_stiff){BD_STIFF_OWN, "a very stiff coupling", k->stiffness * light,
-                              k->damping * light,
-                              k->kind == BD_COUPLING_CLUTCH ? k->stiffness / k->damping : 0.0};
+      bd_stiffen(at, BD_STIFF_OWN, "a very stiff coupling", k->stiffness * light,
+                 k->damping * light,
+                 k->kind == BD_COUPLING_CLUTCH ? k->stiffness / k->damping : 0.0);
     }
   }
-  return n;
 }
 
 static double on_shaft(const bd_plan *plan, const double *y, int j) {

@@ -142,13 +142,11 @@ static void carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model
   BD_CARVE(carver, out->pulley_damping, model->lay.np);
 }
 
-static int stiffness(const bd_stiff_at *at, bd_stiff *parts) {
+static void stiffness(bd_stiffening *at) {
   const double drag =
       bd_steepest_resistance(&at->model->drag[at->pulley], at->model, at->pulley, at->tension);
-  parts[0] = (bd_stiff){.of = BD_STIFF_PULLEY,
-                        .what = "a pulley with very large bearing drag",
-                        .damping = drag / at->inertia};
-  return 1;
+  bd_stiffen(at, BD_STIFF_PULLEY, "a pulley with very large bearing drag", 0.0, drag / at->inertia,
+             0.0);
 }
 
 const bd_effect bd_effect_drag = {

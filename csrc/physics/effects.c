@@ -42,16 +42,13 @@ static void tangent_joints(const bd_plan *plan, const double *y, bd_derivatives 
   plan->kernels->newton->linearise_joints(&plan->links, y, &out->joints);
 }
 
-static int stiffness_of_joints(const bd_stiff_at *at, bd_stiff *parts) {
-  const bd_model *model = at->model;
-  const bd_info *info = &model->info;
-  const double m = info->link_mass;
-  parts[0] = (bd_stiff){.what = "the belt's joints",
-                        .stiffness = model->belt_model->facts.shear * info->joint_stiffness / m +
-                                     4.0 * info->bending_stiffness / info->link_inertia,
-                        .damping = model->belt_model->facts.shear * info->joint_damping / m +
-                                   4.0 * info->bending_damping / info->link_inertia};
-  return 1;
+static void stiffness_of_joints(bd_stiffening *at) {
+  const bd_info *info = &at->model->info;
+  const double shear = at->model->belt_model->facts.shear, m = info->link_mass,
+               turned = info->link_inertia;
+  bd_stiffen(at, BD_STIFF_LINK, "the belt's joints",
+             shear * info->joint_stiffness / m + 4.0 * info->bending_stiffness / turned,
+             shear * info->joint_damping / m + 4.0 * info->bending_damping / turned, 0.0);
 }
 
 const bd_effect bd_effect_joints = {
@@ -179,7 +176,7 @@ static void rest_contact(const bd_plan *plan, double *y) {
   }
 }
 
-static int stiffness_of_contact(const bd_stiff_at *at, bd_stiff *parts) {
+static void stiffness_of_contact(bd_stiffening *at) {
   const bd_model *model = at->model;
   const bd_info *info = &model->info;
   const double m = info->link_mass, r = model->radius[at->pulley];
@@ -190,16 +187,12 @@ static int stiffness_of_contact(const bd_stiff_at *at, bd_stiff *parts) {
   const double contact =
       bd_contact_stiffness(info->contact_quadratic, info->contact_linear, at->normal);
   const bd_friction_stiffness friction = bd_friction_stiffness_of(model, at->pulley, at->normal);
-  const bd_stiff all[] = {
-      {BD_STIFF_PULLEY, "friction whose damper is very small", 0.0, 0.0, friction.adapts},
-      {BD_STIFF_LINK, "the contact", contact / m,
-       bd_contact_damping(model, info->contact_damping, at->normal) / m, 0.0},
-      {BD_STIFF_LINK, "friction", friction.stiffness / m, friction.damping / m, 0.0},
-      {BD_STIFF_PULLEY, "a pulley with very small inertia", friction.stiffness * of_wrap,
-       friction.damping * of_wrap, 0.0},
-  };
-  memcpy(parts, all, sizeof all);
-  return sizeof all / sizeof all[0];
+  bd_stiffen(at, BD_STIFF_PULLEY, "friction whose damper is very small", 0.0, 0.0, friction.adapts);
+  bd_stiffen(at, BD_STIFF_LINK, "the contact", contact / m,
+             bd_contact_damping(model, info->contact_damping, at->normal) / m, 0.0);
+  bd_stiffen(at, BD_STIFF_LINK, "friction", friction.stiffness / m, friction.damping / m, 0.0);
+  bd_stiffen(at, BD_STIFF_PULLEY, "a pulley with very small inertia", friction.stiffness * of_wrap,
+             friction.damping * of_wrap, 0.0);
 }
 
 const bd_effect bd_effect_contact = {
@@ -249,16 +242,14 @@ static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error
   return BD_OK;
 }
 
-static int stiffness_of_torques(const bd_stiff_at *at, bd_stiff *parts) {
+static void stiffness_of_torques(bd_stiffening *at) {
   double angular = 0.0, viscous = 0.0;
   if (at->set) {
     bd_torque_set_steepest(at->set, at->pulley, at->tension, &angular, &viscous);
   }
-  parts[0] =
-      (bd_stiff){BD_STIFF_PULLEY, "harmonics of very high order", angular / at->inertia, 0.0, 0.0};
-  parts[1] = (bd_stiff){BD_STIFF_PULLEY, "a load whose torque rises very steeply with its speed",
-                        0.0, viscous / at->inertia, 0.0};
-  return 2;
+  bd_stiffen(at, BD_STIFF_PULLEY, "harmonics of very high order", angular / at->inertia, 0.0, 0.0);
+  bd_stiffen(at, BD_STIFF_PULLEY, "a load whose torque rises very steeply with its speed", 0.0,
+             viscous / at->inertia, 0.0);
 }
 
 /* The derivatives of set torques need checks that only a step can make (torque_functions.c). */
@@ -331,45 +322,6 @@ const bd_effect bd_effect_motion_torques = {
     .calls = 1,
     .tangent = bd_tangent_none,
     .outputs = bd_outputs_of_motion,
-};
-
-/* --- mounts (mounts.c) ------------------------------------------------------------------------ */
-
-const bd_effect bd_effect_axes = {
-    .name = "axes on mounts",
-    .asked_by = "arm slider path",
-    .enabled = bd_axes_enabled,
-    .rate = bd_axes_rate,
-    .tangent = bd_axes_tangent,
-    .carve = bd_axes_carve,
-    .carve_tangent = bd_axes_carve_tangent,
-    .after_step = bd_axes_after_step,
-    .unseen = bd_stops_unseen,
-    .outputs = bd_axes_outputs,
-};
-
-const bd_effect bd_effect_mounts = {
-    .name = "mounts",
-    .asked_by = "arm slider",
-    .label = bd_mounts_label,
-    .enabled = bd_mounts_enabled,
-    .rate = bd_mounts_rate,
-    .tangent = bd_mounts_tangent,
-    .stiffness = bd_mounts_stiffness,
-    .energy = bd_mounts_energy,
-    .n_works = 1,
-    .works = {BD_LOST_IN(mount_loss, "dampers of mounts have given", 0)},
-    .store = BD_ENERGY_mount,
-};
-
-const bd_effect bd_effect_paths = {
-    .name = "prescribed paths",
-    .asked_by = "path",
-    .enabled = bd_paths_enabled,
-    .rate = bd_paths_rate,
-    .tangent = bd_tangent_none,
-    .n_works = 1,
-    .works = {{.row = W_path_work}},
 };
 
 /* --- the table -------------------------------------------------------------------------------- */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Mounts (MODEL section 5), three effects (effects.c): the axes are where the travels have them,
+ * Mounts (MODEL section 5), three effects: the axes are where the travels have them,
  * before contact; those that move do so by what acts on them, after it; and the travel of those
  * that are prescribed is the time.
  */
@@ -10,31 +10,31 @@
 
 #include "physics/physics.h"
 
-int bd_axes_enabled(const bd_model *model, const bd_plan_options *options) {
+static int axes_enabled(const bd_model *model, const bd_plan_options *options) {
   (void)options;
   return model->lay.nm > 0;
 }
 
-int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options) {
+static int mounts_enabled(const bd_model *model, const bd_plan_options *options) {
   (void)options;
   return model->n_moving > 0;
 }
 
-int bd_paths_enabled(const bd_model *model, const bd_plan_options *options) {
+static int paths_enabled(const bd_model *model, const bd_plan_options *options) {
   (void)options;
   return model->lay.nm > model->n_moving;
 }
 
-void bd_axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
+static void axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   BD_KEEP(carver, plan->hub, 2 * model->lay.nm);
   BD_CARVE(carver, plan->mount_inertia, model->lay.nm);
 }
 
-void bd_axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+static void axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
   BD_CARVE(carver, out->mounts, model->lay.nm);
 }
 
-const char *bd_mounts_label(const bd_plan *plan) {
+static const char *mounts_label(const bd_plan *plan) {
   return plan->model->moving;
 }
 
@@ -53,7 +53,7 @@ void bd_mounts_put(const bd_plan *plan, const double *y) {
   }
 }
 
-int bd_axes_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+static int axes_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
   bd_mounts_put(plan, y);
@@ -92,7 +92,7 @@ static double sliding(const bd_mounted *mount, double v, double share) {
   return mount->adapts * (v - fabs(v) * share);
 }
 
-int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+static int mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
@@ -121,7 +121,7 @@ int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err
   return BD_OK;
 }
 
-int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+static int paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
@@ -143,7 +143,7 @@ int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err)
 /* --- derivatives ------------------------------------------------------------------------------ */
 
 /* Samples may have been looked at since the last rate. */
-void bd_axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+static void axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_layout *lay = &plan->model->lay;
   bd_mounts_put(plan, y);
   for (int m = 0; m < lay->nm; ++m) {
@@ -154,7 +154,7 @@ void bd_axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) 
   }
 }
 
-void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+static void mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   for (int m = 0; m < lay->nm; ++m) {
@@ -202,7 +202,7 @@ static double stop_off_line(const bd_plan *plan, const double *y, const double *
 }
 
 /* A mount that meets a stop, or leaves it, goes on as if it had not. */
-double bd_stops_unseen(const bd_plan *plan, const bd_step *step) {
+static double stops_unseen(const bd_plan *plan, const bd_step *step) {
   double most = 0.0;
   for (int m = 0; m < plan->model->lay.nm; ++m) {
     const double faster = stop_off_line(plan, step->y, step->y_new, m, step->g);
@@ -211,12 +211,12 @@ double bd_stops_unseen(const bd_plan *plan, const bd_step *step) {
   return most;
 }
 
-int bd_mounts_stiffness(const bd_stiff_at *at, bd_stiff *parts) {
+static void mounts_stiffness(bd_stiffening *at) {
   const bd_model *model = at->model;
   const bd_info *info = &model->info;
   const int j = at->pulley, m = model->mount_of[j];
   if (m < 0 || !model->mounts[m].row->moves) {
-    return 0;
+    return;
   }
   const bd_mounted *mount = &model->mounts[m];
   const double square = mount->lever * mount->lever;
@@ -230,11 +230,8 @@ int bd_mounts_stiffness(const bd_stiff_at *at, bd_stiff *parts) {
   const double damping =
       mount->damping + mount->stop_damping * mount->has_stops +
       links * square * bd_contact_damping(model, info->contact_damping, at->normal);
-  parts[0] = (bd_stiff){.of = BD_STIFF_OWN,
-                        .what = "a mount of very small inertia",
-                        .stiffness = stiffness / mount->inertia,
-                        .damping = damping / mount->inertia};
-  return 1;
+  bd_stiffen(at, BD_STIFF_OWN, "a mount of very small inertia", stiffness / mount->inertia,
+             damping / mount->inertia, 0.0);
 }
 
 long bd_bounces(const bd_plan *plan, const double *y, const double *y_new) {
@@ -280,8 +277,8 @@ static int check_room(const bd_plan *plan, double t, int m, bd_error *err) {
   return BD_OK;
 }
 
-int bd_axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                       bd_error *err) {
+static int axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                           bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
   int code = BD_OK;
   for (int m = 0; m < lay->nm; ++m) {
@@ -302,7 +299,7 @@ int bd_axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int
 
 /* --- energy and outputs ----------------------------------------------------------------------- */
 
-void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+static void mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   for (int m = 0; m < lay->nm; ++m) {
@@ -324,29 +321,57 @@ double bd_mount_belt_force(const bd_plan *plan, const double *y, int m) {
   return -(force[0] * at.a[0] + force[1] * at.a[1]);
 }
 
-void bd_axes_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+static void axes_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
   const bd_layout *lay = &plan->model->lay;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &plan->model->mounts[m];
     const size_t at = k * (size_t)lay->nm + (size_t)m;
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
     double lost = 0.0;
-    const struct {
-      double *to, value;
-    } columns[] = {
-        {out->travel, q},
-        {out->travel_speed, v},
-        {out->spring_force, bd_mount_spring(mount, q)},
-        {out->damper_force, mount->row->moves ? -mount->damping * v : 0.0},
-        {out->friction_force,
-         mount->row->moves ? -mount->friction * y[lay->mount_friction + m] : 0.0},
-        {out->stop_force, bd_mount_stop(mount, q, v, &lost)},
-        {out->belt_force, out->belt_force ? bd_mount_belt_force(plan, y, m) : 0.0},
-    };
-    for (size_t c = 0; c < sizeof columns / sizeof columns[0]; ++c) {
-      if (columns[c].to) {
-        columns[c].to[at] = columns[c].value;
-      }
-    }
+    bd_put(out->travel, at, q);
+    bd_put(out->travel_speed, at, v);
+    bd_put(out->spring_force, at, bd_mount_spring(mount, q));
+    bd_put(out->damper_force, at, mount->row->moves ? -mount->damping * v : 0.0);
+    bd_put(out->friction_force, at,
+           mount->row->moves ? -mount->friction * y[lay->mount_friction + m] : 0.0);
+    bd_put(out->stop_force, at, bd_mount_stop(mount, q, v, &lost));
+    bd_put(out->belt_force, at, out->belt_force ? bd_mount_belt_force(plan, y, m) : 0.0);
   }
 }
+
+const bd_effect bd_effect_axes = {
+    .name = "axes on mounts",
+    .asked_by = "arm slider path",
+    .enabled = axes_enabled,
+    .rate = axes_rate,
+    .tangent = axes_tangent,
+    .carve = axes_carve,
+    .carve_tangent = axes_carve_tangent,
+    .after_step = axes_after_step,
+    .unseen = stops_unseen,
+    .outputs = axes_outputs,
+};
+
+const bd_effect bd_effect_mounts = {
+    .name = "mounts",
+    .asked_by = "arm slider",
+    .label = mounts_label,
+    .enabled = mounts_enabled,
+    .rate = mounts_rate,
+    .tangent = mounts_tangent,
+    .stiffness = mounts_stiffness,
+    .energy = mounts_energy,
+    .n_works = 1,
+    .works = {BD_LOST_IN(mount_loss, "dampers of mounts have given", 0)},
+    .store = BD_ENERGY_mount,
+};
+
+const bd_effect bd_effect_paths = {
+    .name = "prescribed paths",
+    .asked_by = "path",
+    .enabled = paths_enabled,
+    .rate = paths_rate,
+    .tangent = bd_tangent_none,
+    .n_works = 1,
+    .works = {{.row = W_path_work}},
+};

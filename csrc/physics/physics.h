@@ -194,25 +194,29 @@ typedef struct bd_step {
   int implicit;
 } bd_step;
 
-/* What makes pulley `pulley` of a drive stiff (stiffness.c) is asked for at a tension [N]. */
-typedef struct bd_stiff_at {
+typedef struct bd_stiffness {
+  double bound;     /* of |lambda| [1/s], everything together */
+  const char *what; /* has the most to do with it */
+  int pulley;       /* and which pulley, -1: none in particular */
+} bd_stiffness;
+
+/* What makes a drive stiff, as its effects say at one pulley after the other (stiffness.c). */
+typedef struct bd_stiffening {
   const bd_model *model;
   const bd_torque_set *set; /* NULL: not known */
   int pulley;
-  double tension, normal; /* on a link */
+  double tension, normal; /* of the belt, on a link [N] */
   double wrap;
   double inertia; /* of the shaft, infinite if its motion is prescribed */
-} bd_stiff_at;
+  double stiffness[2], damping[2], bound;
+  bd_stiffness most, own;
+} bd_stiffening;
 
-/* A part of it, an oscillator of unit mass: of a LINK, or of a PULLEY, to which the others add; or
- * a body of its OWN. rate: at which something in it adapts [1/s]. */
+/* A part of it, an oscillator of unit mass: of a LINK, or of the PULLEY, to which the others add;
+ * or a body of its OWN. adapts: the rate of something in it that is none, or 0 [1/s]. */
 enum { BD_STIFF_LINK, BD_STIFF_PULLEY, BD_STIFF_OWN };
-enum { BD_MOST_STIFF = 4 };
-typedef struct bd_stiff {
-  int of;
-  const char *what;
-  double stiffness, damping, rate;
-} bd_stiff;
+void bd_stiffen(bd_stiffening *at, int of, const char *what, double stiffness, double damping,
+                double adapts);
 
 /* A work integral in the state's tail, W_...; of what is lost in dampers the name of its column,
  * what messages say if energy came from there, and whether no power ever may. */
@@ -258,8 +262,8 @@ typedef struct bd_effect {
   /* What a step has not seen of it, as an error over the weights: a linear system whatever leaves
    * the line along which it was linearised, any step what comes and goes within it. */
   double (*unseen)(const bd_plan *plan, const bd_step *step);
-  /* What it has to do with how stiff a pulley is; how many parts, BD_MOST_STIFF at most. */
-  int (*stiffness)(const bd_stiff_at *at, bd_stiff *parts);
+  /* What it has to do with how stiff a pulley is. */
+  void (*stiffness)(bd_stiffening *at);
   /* Its states in y as settling begins with them, the belt being at rest. */
   void (*rest)(const bd_plan *plan, double *y);
   /* Torque on the shaft of pulley j, counter-clockwise; what a prescribed motion needs besides. */
@@ -344,29 +348,10 @@ double bd_resistance_unseen(const bd_plan *plan, const bd_step *step);
 void bd_mounts_put(const bd_plan *plan, const double *y);
 /* Of mount m at y, in the sense of its travel: of the belt. */
 double bd_mount_belt_force(const bd_plan *plan, const double *y, int m);
-/* Stops that mounts have come to within a step, or away from. */
-double bd_stops_unseen(const bd_plan *plan, const bd_step *step);
-int bd_mounts_stiffness(const bd_stiff_at *at, bd_stiff *parts);
 /* Mounts that have come from y to y_new to a stop which throws them back. */
 long bd_bounces(const bd_plan *plan, const double *y, const double *y_new);
 /* At the start of a run: axes on a path must stand where it has them at t; their rate is set. */
 int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err);
-/* Of all mounts; of arms and sliders; of paths. */
-int bd_axes_enabled(const bd_model *model, const bd_plan_options *options);
-int bd_axes_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-void bd_axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
-void bd_axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
-void bd_axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-int bd_axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                       bd_error *err);
-void bd_axes_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
-int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options);
-const char *bd_mounts_label(const bd_plan *plan);
-int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
-void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-int bd_paths_enabled(const bd_model *model, const bd_plan_options *options);
-int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 
 /* --- couplings.c ------------------------------------------------------------------------------ */
 
@@ -383,12 +368,6 @@ static inline int bd_belt_body(const bd_layout *lay, int j) {
 
 /* |lambda| of an oscillator of unit mass. */
 double bd_oscillator_rate(double stiffness, double damping);
-
-typedef struct bd_stiffness {
-  double bound;     /* of |lambda| [1/s], everything together */
-  const char *what; /* has the most to do with it */
-  int pulley;       /* and which pulley, -1: none in particular */
-} bd_stiffness;
 
 /* set: may be NULL. */
 bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set);
@@ -510,6 +489,12 @@ const bd_joint *bd_joints(const bd_plan *plan, const double *y, int with_rate);
 /* Force in a joint. */
 static inline double bd_joint_force(const bd_plan *plan, const bd_joint *at) {
   return plan->links.stiffness * at->along + plan->links.damping * at->rate;
+}
+/* A value of an output, NULL: it is not wanted. */
+static inline void bd_put(double *to, size_t at, double value) {
+  if (to) {
+    to[at] = value;
+  }
 }
 /* Outputs of single effects; their stored energy, added to the terms. */
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);

@@ -13,11 +13,23 @@ double bd_oscillator_rate(double stiffness, double damping) {
   return d2 > k4 ? 0.5 * (damping + sqrt(d2 - k4)) : sqrt(stiffness);
 }
 
-/* On its own body: if it is more than all that add up, it is what messages name. */
-static void add_own(bd_stiffness *own, double rate, const char *what, int pulley) {
-  if (rate > own->bound) {
-    *own = (bd_stiffness){rate, what, pulley};
+static void replace(bd_stiffness *largest, double rate, const char *what, int pulley) {
+  if (rate > largest->bound) {
+    *largest = (bd_stiffness){rate, what, pulley};
   }
+}
+
+void bd_stiffen(bd_stiffening *at, int of, const char *what, double stiffness, double damping,
+                double adapts) {
+  const double rate = fmax(adapts, bd_oscillator_rate(stiffness, damping));
+  if (of == BD_STIFF_OWN) {
+    replace(&at->own, rate, what, at->pulley);
+    return;
+  }
+  replace(&at->most, rate, what, of == BD_STIFF_PULLEY ? at->pulley : -1);
+  at->stiffness[of] += stiffness;
+  at->damping[of] += damping;
+  at->bound = fmax(at->bound, adapts);
 }
 
 bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
@@ -25,35 +37,25 @@ bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set) {
   const int laid = model->geometry.code == BD_OK;
   const bd_effect *effects[BD_MAX_EFFECTS];
   const int n_effects = bd_effects_of(model, &(bd_plan_options){.friction = 1}, effects);
-  bd_stiff_at at = {.model = model, .set = set};
+  bd_stiffening at = {.model = model, .set = set, .most = {.pulley = -1}};
   at.tension = 2.0 * model->belt.axial_stiffness * (laid ? info->strain + info->mesh_strain : 0.01);
-  bd_stiffness most = {.pulley = -1}, own = {.pulley = -1};
-  double bound = 0.0;
   for (int j = 0; j < model->lay.np; ++j) {
-    double stiffness[2] = {0.0}, damping[2] = {0.0}; /* of a link, of the pulley */
     at.pulley = j;
     at.normal = at.tension * info->link_length / model->radius[j];
     at.wrap = laid ? model->wraps[j].wrap : BD_PI;
     at.inertia = set && bd_is_moved(set, j) ? (double)INFINITY : model->inertia[j];
+    for (int of = 0; of < 2; ++of) {
+      at.stiffness[of] = at.damping[of] = 0.0;
+    }
     for (int e = 0; e < n_effects; ++e) {
-      bd_stiff parts[BD_MOST_STIFF];
-      const int n = effects[e]->stiffness ? effects[e]->stiffness(&at, parts) : 0;
-      for (int k = 0; k < n; ++k) {
-        const bd_stiff *p = &parts[k];
-        const double rate = fmax(p->rate, bd_oscillator_rate(p->stiffness, p->damping));
-        add_own(p->of == BD_STIFF_OWN ? &own : &most, rate, p->what,
-                p->of == BD_STIFF_LINK ? -1 : j);
-        if (p->of != BD_STIFF_OWN) {
-          stiffness[p->of] += p->stiffness;
-          damping[p->of] += p->damping;
-          bound = fmax(bound, p->rate);
-        }
+      if (effects[e]->stiffness) {
+        effects[e]->stiffness(&at);
       }
     }
     for (int of = 0; of < 2; ++of) {
-      bound = fmax(bound, bd_oscillator_rate(stiffness[of], damping[of]));
+      at.bound = fmax(at.bound, bd_oscillator_rate(at.stiffness[of], at.damping[of]));
     }
   }
-  most.bound = bound;
-  return own.bound > bound ? own : most;
+  at.most.bound = at.bound; /* a body of its own is named if it alone is more than all of these */
+  return at.own.bound > at.bound ? at.own : at.most;
 }

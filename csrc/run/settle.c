@@ -84,7 +84,7 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
              critical_mass_damping(model, flow, &lowest) +
              model->belt_model->facts.shear * easiest_damping(model) / m +
              4.0 * info->bending_damping / info->link_inertia;
-  return fmax(steepest.adapts, d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k));
+  return fmax(steepest.adapts, bd_oscillator_rate(k, d));
 }
 
 /* Implicit steps, times the mass-proportional damping; how many explicit steps one of them must

@@ -429,12 +429,8 @@ static void read_drive(drive *d, bytes *in) {
 /* --- states, in blocks of just their size ---------------------------------------------------- */
 
 static size_t state_sizes(const bd_info *info, size_t sizes[16]) {
-  const size_t n_b = (size_t)info->n_bodies;
-  const size_t LINKS = n_b, SLOTS = n_b * (size_t)info->n_slots;
-  const size_t STATES = SLOTS * (size_t)info->n_states, PULLEYS = (size_t)info->n_pulleys,
-               MOUNTS = (size_t)info->n_mounts, COUPLINGS = (size_t)info->n_couplings;
   size_t n = 0;
-#define X(symbol, name, size, scale, unit, text) sizes[n++] = size;
+#define X(symbol, name, size, scale, unit, text) sizes[n++] = bd_size(info, BD_SIZE_##size);
   BD_STATE_FIELDS(X)
 #undef X
   return n;
