@@ -135,16 +135,20 @@ INLINE int is_angle(const int m, const int belt) {
   return belt == LINKS && m % 3 == 2;
 }
 
-/* What given states of friction, whose halo ahead is set, are worth at the nodes; adds to sums
- * their torque, and their force. */
+/* What given states of friction, whose halo ahead is set, are worth at the nodes; into sums their
+ * torque, with what the pulley's row has of given positions, and their force. */
 INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangent *tangent,
                            int n_runs, const bd_run *runs, int states, const bd_slot *slot,
-                           const double *cz, double *const *to, double *sums) {
-  const int stride = lay->stride;
-  vec torque = splat(0.0), x = splat(0.0), y = splat(0.0);
+                           const double *cz, const double *row, const double *cq, double *const *to,
+                           double *sums) {
+  const int stride = lay->stride, columns = belt == LINKS ? 3 : 2;
+  vec torque = splat(0.0), x = splat(0.0), y = splat(0.0), of_row = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       vec fx = splat(0.0), fy = splat(0.0), rx = splat(0.0), ry = splat(0.0);
+      for (int k = i; k < i + columns * stride; k += stride) {
+        of_row = fma_(load(row + k), load(cq + k), of_row);
+      }
       for (int k = i; k < i + states * stride; k += stride) {
         const vec z = load(cz + k);
         fx = fma_(load(slot->given_x + k), z, fx);
@@ -172,7 +176,7 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
       }
     }
   }
-  sums[0] = sum(torque);
+  sums[0] = sum(torque) + sum(of_row);
   sums[1] = sum(x);
   sums[2] = sum(y);
 }
@@ -245,8 +249,9 @@ NODES(string, 2)
   }                                                                                                \
   static void states_product_##of(const bd_layout *lay, const bd_tangent *tangent, int n_runs,     \
                                   const bd_run *runs, int states, const bd_slot *slot,             \
-                                  const double *cz, double *const *to, double *sums) {             \
-    states_product(belt, lay, tangent, n_runs, runs, states, slot, cz, to, sums);                  \
+                                  const double *cz, const double *row, const double *cq,           \
+                                  double *const *to, double *sums) {                               \
+    states_product(belt, lay, tangent, n_runs, runs, states, slot, cz, row, cq, to, sums);         \
   }                                                                                                \
   static void restore_states_##of(const bd_layout *lay, int n_runs, const bd_run *runs,            \
                                   int states, const bd_slot *slot, const double *link_mask,        \

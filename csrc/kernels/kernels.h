@@ -224,7 +224,7 @@ typedef struct bd_newton_kernels {
                          const double *mass, double *const *r);
   void (*states_product)(const bd_layout *lay, const bd_tangent *tangent, int n_runs,
                          const bd_run *runs, int states, const bd_slot *slot, const double *cz,
-                         double *const *to, double *sums);
+                         const double *row, const double *cq, double *const *to, double *sums);
   double (*row_runs)(const bd_layout *lay, int n_runs, const bd_run *runs, const double *row,
                      const double *const *v);
   void (*add_column)(const bd_layout *lay, int n_runs, const bd_run *runs, const double *column,

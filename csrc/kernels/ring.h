@@ -424,17 +424,18 @@ typedef struct elimination {
   vec d[BLOCK], lu[FACTORS], left[BLOCK], to_separator[BLOCK], own[BLOCK];
 } elimination;
 
-/* A row's blocks, and what couples the one behind to it. */
-INLINE void load_row(const int d, elimination *e, const bd_ring *ring, const double *w,
-                     const ptrdiff_t *at, const int j, vec *back, vec *forward, const int joints) {
-  const ptrdiff_t tile = 3 * d * d * BD_LANES;
-  const vec none = splat(0.0);
-  ptrdiff_t here[WIDTH], behind[WIDTH];
+/* Where the nodes of the arcs' rows j stand in the tiles; the one before the first is the last. */
+INLINE void tiles_of(const int d, const bd_ring *ring, int j, ptrdiff_t *to) {
   for (int a = 0; a < WIDTH; ++a) {
-    const ptrdiff_t i = at[a] + j, l = i > 0 ? i - 1 : ring->n - 1;
-    here[a] = i / BD_LANES * tile + i % BD_LANES;
-    behind[a] = l / BD_LANES * tile + l % BD_LANES;
+    const int at = ring->base[a] + j, i = at < 0 ? at + ring->n : at;
+    to[a] = i / BD_LANES * (3 * d * d * BD_LANES) + i % BD_LANES;
   }
+}
+
+/* A row's blocks, and what couples the one behind to it. */
+INLINE void load_row(const int d, elimination *e, const double *w, const ptrdiff_t *here,
+                     const ptrdiff_t *behind, vec *back, vec *forward, const int joints) {
+  const vec none = splat(0.0);
   for (int i = 0; i < d * d; ++i) {
     const double *first = w + i * BD_LANES, *own = first + d * d * BD_LANES;
     const int shared = is_shared(BACK, i, joints), set = is_set(BACK, i, joints);
@@ -473,8 +474,8 @@ INLINE void eliminate_behind(const int d, elimination *e, vec *behind, const vec
 INLINE void factor_ring(const int d, const bd_ring *ring, const double *w, const int joints) {
   const int m = ring->n_rows, entries = d * d;
   vec *row = ring->rows;
-  ptrdiff_t at[WIDTH];
-  places_of(ring, at);
+  ptrdiff_t here[WIDTH], behind[WIDTH];
+  tiles_of(d, ring, -1, behind);
   const vec shorter = load(ring->shorter), whole = 1.0 - shorter;
   elimination e;
   clear_block(d, e.left);
@@ -482,7 +483,9 @@ INLINE void factor_ring(const int d, const bd_ring *ring, const double *w, const
   clear_block(d, e.own);
   for (int j = 0; j < m; ++j, row += ROW_BLOCKS * entries) {
     vec back[BLOCK], forward[BLOCK], coupled[BLOCK];
-    load_row(d, &e, ring, w, at, j, back, forward, joints);
+    tiles_of(d, ring, j, here);
+    load_row(d, &e, w, here, behind, back, forward, joints);
+    memcpy(behind, here, sizeof here);
     for (int i = 0; i < entries; ++i) {
       if (j == 0 || (is_set(BACK, i, joints) && !is_shared(BACK, i, joints))) {
         row[BEHIND * entries + i] = back[i];

@@ -305,9 +305,8 @@ static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
     if (pulley->law != BD_LAW_NONE) {
       const double *cz = bd_cfield(lay, c, bd_f_state(lay, pulley->slot));
       kernels->states_product(lay, &system->at.joints, system->at.n_runs[j], runs_of(system, j),
-                              pulley->states, &system->slots[j], cz, r, sums);
-      sums[0] += bd_newton_row(system, plan, j, system->bodies[body].q,
-                               (const double *[]){cq, cq + lay->stride, cq + 2 * lay->stride});
+                              pulley->states, &system->slots[j], cz, system->bodies[body].q, cq, r,
+                              sums);
     }
     system->rhs[body] = sums[0];
     if (mount_of(plan, j) >= 0) {
