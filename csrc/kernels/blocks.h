@@ -41,11 +41,12 @@ INLINE void blocks_product(const int d, const bd_layout *lay, double *q, const d
       const vec near[3] = {load_unaligned(c - 1), load(c), load_unaligned(c + 1)};
       for (int place = 0; place < 3; ++place) {
         for (int u = 0; u < d; ++u) {
-          const int e = d * u + k;
-          const double *const entry = entry_of(q, d, i, place, e);
-          if (is_set(place, e, joints)) {
-            out[u] =
-                fma_(is_shared(place, e, joints) ? splat(q[0]) : load(entry), near[place], out[u]);
+          const int e = d * u + k, shared = is_shared(place, e, joints);
+          if (shared || is_stored(place, e, joints)) {
+            const vec of = joints && place == BACK && (e == 6 || e == 7)
+                               ? near[BACK] - near[AHEAD] /* k e' of the link acts both ways */
+                               : near[place];
+            out[u] = fma_(shared ? splat(q[0]) : load(entry_of(q, d, i, place, e)), of, out[u]);
           }
         }
       }

@@ -85,7 +85,7 @@ INLINE void fill_ring(const bd_links *links, const bd_tangent *tangent, const bd
           {-k, none, -qx, none, -k, -qy, k * s, -(k * c), fma_(s, qx, -fma_(c, qy, bend))}};
       for (int place = 0; place < 3; ++place) {
         for (int e = 0; e < 9; ++e) {
-          if (is_set(place, e, joints)) {
+          if (is_stored(place, e, joints)) {
             store(entry_of(to, 3, i, place, e), (e % 3 == 2 ? turned : sign) * entries[place][e]);
           }
         }
