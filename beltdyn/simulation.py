@@ -403,7 +403,7 @@ def _simulate(
             params=params,
             prescribed=tuple(params.pulley_names[k] for k in motions),
             outputs=outputs,
-            unchecked=unchecked(outputs, params.has_friction),
+            unchecked=unchecked(outputs, params.has_friction, bool(params.coupled)),
             final_state=State._from_core(sim.state()),
         )
         if expected is not None:

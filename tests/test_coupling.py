@@ -615,3 +615,5 @@ def test_a_clutch_that_never_drives_is_asked_about() -> None:
         )  # fmt: skip
     text = run.report(0.999).text()
     assert "drives nothing: is it to drive the other way round" in " ".join(text.split())
+    (warned,) = (one for one in run.warnings if one.code == "never_drives")
+    assert warned.where == "pulley 1" and warned.text.endswith("is clockwise=False meant?")
