@@ -31,10 +31,15 @@ INLINE void blocks_product(const int d, const bd_layout *lay, double *q, const d
                            const double *cv, const double *mass, double *const *r,
                            const int joints) {
   const int stride = lay->stride;
+  const vec all_round = splat(q[0]);
+  vec inertia[3];
+  for (int u = 0; u < d; ++u) {
+    inertia[u] = splat(mass[u]);
+  }
   for (int i = 0; i < lay->n8; i += WIDTH) {
     vec out[3];
     for (int u = 0; u < d; ++u) {
-      out[u] = splat(mass[u]) * load(cv + u * stride + i);
+      out[u] = inertia[u] * load(cv + u * stride + i);
     }
     for (int k = 0; k < d; ++k) {
       const double *c = cq + k * stride + i;
@@ -46,7 +51,7 @@ INLINE void blocks_product(const int d, const bd_layout *lay, double *q, const d
             const vec of = joints && place == BACK && (e == 6 || e == 7)
                                ? near[BACK] - near[AHEAD] /* k e' of the link acts both ways */
                                : near[place];
-            out[u] = fma_(shared ? splat(q[0]) : load(entry_of(q, d, i, place, e)), of, out[u]);
+            out[u] = fma_(shared ? all_round : load(entry_of(q, d, i, place, e)), of, out[u]);
           }
         }
       }
