@@ -136,6 +136,9 @@ class Model:
     def set_going(self, state: StateDict, speed: float) -> dict[str, Any]: ...
     def observe(self, state: StateDict, /) -> dict[str, NDArray[Any]]: ...  # OUTPUTS, one row
     def solve(self, state: StateDict, g: float, c: StateDict) -> dict[str, Any]: ...
+    def jacobian(  # rows, columns, values
+        self, state: StateDict, /
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]: ...
 
 class Simulation:
     """One run. Not to be advanced from two threads at once (RuntimeError)."""

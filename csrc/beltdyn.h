@@ -599,6 +599,19 @@ int bd_model_set_going(const bd_model *model, const bd_state *state, double spee
 int bd_model_solve(const bd_model *model, const bd_state *state, double g, const bd_state *c,
                    bd_state *k, bd_error *err);
 
+/* J itself, d(rate)/d(state): entries that are not 0, each once, in no order, of the `size` numbers
+ * that the arrays of a bd_state hold, one after the other in the order of BD_STATE_FIELDS; phi and
+ * vphi of a string, which are no unknowns, have none. One block, to be freed by bd_jacobian_free. */
+typedef struct bd_jacobian {
+  size_t size, n;
+  int64_t *rows, *columns;
+  double *values;
+} bd_jacobian;
+
+int bd_model_jacobian(const bd_model *model, const bd_state *state, bd_jacobian **out,
+                      bd_error *err);
+void bd_jacobian_free(bd_jacobian *jacobian);
+
 /* What a mount is called, by BD_MOUNT_..., NULL: there is none; and the pair that says along what
  * it moves, NULL: times and displacements do. */
 const char *bd_mount_name(int kind, const char **guide);

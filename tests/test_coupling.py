@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import attrs
+import dense
 import numpy as np
 import pytest
 from bridge import fields, oracle_of
@@ -358,6 +359,9 @@ def test_a_prescribed_hub_gives_the_torque_that_it_needs() -> None:
 
 # --- linear systems -------------------------------------------------------------------------------
 
+#: Of differences [m, rad, m/s, rad/s]; 1e-6 of what is not named.
+STEPS = {"x": 1e-9, "y": 1e-9, "phi": 1e-8, "vphi": 1e-5, "travel": 1e-8}
+
 
 @pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 @pytest.mark.one_in(3)
@@ -365,39 +369,40 @@ def test_a_prescribed_hub_gives_the_torque_that_it_needs() -> None:
 @pytest.mark.parametrize("name", COUPLINGS)
 @pytest.mark.parametrize("kind", DRIVES)
 def test_the_jacobian_is_that_of_the_rates(kind: str, name: str, engaged: bool) -> None:
-    """(1 - g J) k = g c with J k by central differences of the rate: shafts, rims, windups and
-    travels, whose rows and columns the coupling has a part in.
+    """By central differences: every column of shafts, rims, windups and travels, and what motions
+    of the nodes do to their rows. Solves of (1 - g J) k = g c leave rounding.
     """
     params = DRIVES[kind](COUPLINGS[name])
     state, model = shaken(params, 5, engaged), params._model
-    g = 3e-5
-    small = ("theta", "omega", "rim_angle", "rim_speed", "windup", "travel", "travel_speed")
-    for place in ("omega", "rim_speed", "windup", "theta", "travel_speed"):
-        if not np.size(state[place]):
-            continue
-        c = {name: np.zeros(np.size(value)) for name, value in state.items()}
-        c[place][-1] = 1.0
-        k = dict(model.solve(state, g, {**c, "t": 0.0}))
-        if params.belt_model == "string":  # whose directions are no unknowns
-            k |= {"phi": np.zeros_like(k["phi"]), "vphi": np.zeros_like(k["vphi"])}
-        size = max(float(np.max(np.abs(k[name]), initial=0.0)) for name in small)
-        step = 1e-6 / size
-        there, back = (
-            model.rate(
-                {
-                    **state,
-                    **{name: state[name] + way * step * k[name] for name in c if name != "t"},
-                },
-                np.zeros(len(params.pulleys)),
-            )
-            for way in (1.0, -1.0)
-        )
-        for name in small:
-            if np.size(state[name]):
-                changed = (there[name] - back[name]) / (2.0 * step)
-                left = k[name] - g * changed - g * c[name]
-                least = g * max(1.0, float(np.abs(k[name]).max(initial=0.0)) / g)
-                assert np.max(np.abs(left)) <= 2e-5 * least, (place, name)
+    j, names = dense.whole(model, state)
+    still, rng = np.zeros(len(params.pulleys)), np.random.default_rng(1)
+    small = ["theta", "omega", "rim_angle", "rim_speed", "windup", "travel", "travel_speed"]
+
+    def joined(at: Any) -> Array:
+        return np.concatenate([at[field] for field, *_ in _core.STATE_FIELDS])
+
+    def moved(start: Any, way: Array) -> dict[str, Any]:
+        return {field: start[field] + way[names == field] for field, *_ in _core.STATE_FIELDS} | {
+            "t": 0.0
+        }
+
+    def assert_left(off: Array, terms: Array, share: float) -> None:
+        for rows in (names == field for field in set(names) & set(small)):
+            assert np.abs(off[rows]).max() <= share * terms[rows].max()
+
+    steps = np.array([STEPS.get(field, 1e-6) for field in names])
+    signed = steps * rng.choice([-1.0, 1.0], len(names))
+    ways = [signed * np.isin(names, nodes) for nodes in (("x", "y", "phi"), ("vx", "vy", "vphi"))]
+    ways += [steps * (np.arange(len(names)) == k) for k in np.flatnonzero(np.isin(names, small))]
+    for way in ways:
+        there, back = (joined(model.rate(moved(state, s * way), still)) for s in (0.5, -0.5))
+        assert_left(there - back - j @ way, np.abs(j) @ np.abs(way), 1e-5)
+    none = {field: np.zeros(np.size(value)) for field, value in state.items()}
+    for g in (1e-6, 1e-4, 1e-2):
+        c = steps * rng.uniform(-1.0, 1.0, len(names))
+        k = joined(model.solve(state, g, moved(none, c)))
+        terms = np.abs(k) + g * (np.abs(j) @ np.abs(k) + np.abs(c))
+        assert_left(k - g * (j @ k) - g * c, terms, 1e-12)
 
 
 # --- the rest of the program ----------------------------------------------------------------------

@@ -355,6 +355,44 @@ static PyObject *model_solve(PyObject *object, PyObject *args, PyObject *keyword
 }
 
 PyDoc_STRVAR(
+    jacobian_doc,
+    "jacobian($self, state, /)\n--\n\n"
+    "Entries of J, the Jacobian of rate() at a state, torques constant: rows, columns, values.\n\n"
+    "state: mapping of STATE_FIELDS by name and \"t\". Rows and columns count the numbers of\n"
+    "all fields, one after the other in the order of STATE_FIELDS. Entries that are not 0,\n"
+    "each once, in no order; phi and vphi of a string, which are no unknowns, have none.\n"
+    "Contact and friction are taken on the side of their kinks on which the state stands.\n"
+    "Raises TypeError or ValueError naming the argument.");
+
+static PyObject *copied(int type, const void *from, size_t n) {
+  const npy_intp length = (npy_intp)n;
+  PyObject *array = PyArray_SimpleNew(1, &length, type);
+  if (array && n > 0) {
+    memcpy(PyArray_DATA((PyArrayObject *)array), from,
+           n * (size_t)PyArray_ITEMSIZE((PyArrayObject *)array));
+  }
+  return array;
+}
+
+static PyObject *model_jacobian(PyObject *object, PyObject *mapping) {
+  bd_core_model *self = (bd_core_model *)object;
+  PyObject *result = NULL;
+  bd_core_state state = {0};
+  if (!bd_core_state_read(&state, mapping, &self->info)) {
+    bd_error err = {0};
+    bd_jacobian *j = NULL;
+    const int code = bd_model_jacobian(self->model, &state.state, &j, &err);
+    result = code < 0 ? bd_core_raise(code, &err)
+                      : Py_BuildValue("(NNN)", copied(NPY_INT64, j->rows, j->n),
+                                      copied(NPY_INT64, j->columns, j->n),
+                                      copied(NPY_DOUBLE, j->values, j->n));
+    bd_jacobian_free(j);
+  }
+  bd_core_state_release(&state);
+  return result;
+}
+
+PyDoc_STRVAR(
     friction_doc,
     "Friction of each pulley: a tuple of (name of the law or \"none\", coefficient in full\n"
     "slip [1], slip in which friction develops at rest [m]).");
@@ -418,6 +456,7 @@ static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
     {"centers", model_centers, METH_O, centers_doc},
     BD_CORE_KEYWORDS("solve", model_solve, solve_doc),
+    {"jacobian", model_jacobian, METH_O, jacobian_doc},
     BD_CORE_KEYWORDS("set_going", model_set_going, set_going_doc),
     {"observe", model_observe, METH_O, observe_doc},
     BD_CORE_KEYWORDS("rate", model_rate, rate_doc),

@@ -59,7 +59,7 @@ void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m,
 }
 
 double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
-                      double g) {
+                      double g, double inertia) {
   const bd_layout *lay = &plan->model->lay;
   const int of_row = bd_is_mount_body(lay, row);
   const int m = (of_row ? row : column) - lay->np, j = lay->mounted[m];
@@ -75,15 +75,11 @@ double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int r
   if (!of_row) {
     return belt - (other == j ? drag : 0.0);
   }
-  if (!plan->model->mounts[m].row->moves) {
-    return row == column;
-  }
   if (row != column) {
     return belt - (other == j ? drag : 0.0);
   }
   const double grip = g * g * at->friction * at->gain / (1.0 + g * at->decay);
-  return plan->mount_inertia[m] * (1.0 + g * system->at.mass_damping) +
-         g * (g * at->stiffness + at->damping) + grip + turning * drag + border->own;
+  return inertia + g * (g * at->stiffness + at->damping) + grip + turning * drag + border->own;
 }
 
 void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, const double *c,

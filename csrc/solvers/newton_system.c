@@ -95,19 +95,6 @@ static int pulley_of(const bd_layout *lay, int body) {
   return bd_belt_body(lay, j) == body ? j : -1;
 }
 
-/* The inertia of a shaft or a rim, and what its own acceleration does to the forces on it. */
-static double body_inertia(const bd_newton_system *system, const bd_plan *plan, int body,
-                           double g) {
-  const bd_layout *lay = &plan->model->lay;
-  const int shaft = body < lay->np, j = pulley_of(lay, body);
-  double inertia = bd_freedom_of(plan, body).inertia * (1.0 + g * system->at.mass_damping) +
-                   (j >= 0 ? system->own[j] : 0.0);
-  if (shaft && system->at.pulley_damping) {
-    inertia += g * system->at.pulley_damping[body];
-  }
-  return inertia;
-}
-
 /* A body's row times the velocities of the links. */
 static double body_row(const bd_newton_system *system, const bd_plan *plan, int body,
                        const double *x, const double *y, const double *p) {
@@ -119,18 +106,21 @@ static double body_row(const bd_newton_system *system, const bd_plan *plan, int 
   return bd_newton_row(system, plan, j, system->bodies[body].w, (const double *[]){x, y, p});
 }
 
-/* Of the small matrix of the bodies, but for what the links do. */
-static double body_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j,
-                         double g) {
+double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j, double g,
+                       double inertia) {
   const bd_layout *lay = &plan->model->lay;
   const int np = lay->np;
   if (bd_is_mount_body(lay, i) || bd_is_mount_body(lay, j)) {
-    return bd_mount_entry(system, plan, i, j, g);
+    return bd_mount_entry(system, plan, i, j, g, inertia);
   }
-  const int shafts = i < np && j < np;
+  const int shafts = i < np && j < np, pulley = i == j ? pulley_of(lay, i) : -1;
+  inertia += pulley >= 0 ? system->own[pulley] : 0.0;
+  if (i == j && shafts && system->at.pulley_damping) {
+    inertia += g * system->at.pulley_damping[i];
+  }
   const double torque =
       shafts ? system->by_omega[i * np + j] + g * system->by_theta[i * np + j] : 0.0;
-  double entry = (i == j ? body_inertia(system, plan, i, g) : 0.0) - g * torque;
+  double entry = inertia - g * torque;
   for (int e = 0; e < plan->n_effects; ++e) {
     if (plan->effects[e]->entry) {
       entry += plan->effects[e]->entry(&system->at, plan->model, i, j, g);
@@ -196,14 +186,28 @@ static void correct_bodies(const bd_newton_system *system, const bd_plan *plan, 
   }
 }
 
-/* The ring's blocks and the border. */
-static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fill *fill) {
+void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
+                    double *c, double mass) {
   const bd_layout *lay = &plan->model->lay;
   const bd_links *links = &plan->links;
   const bd_newton_kernels *kernels = system->kernels;
   const bd_tangent *joints = &system->at.joints;
+  const bd_fill fill = {y, g, h, c};
+  const double inv_half = 1.0 / links->half;
+  system->stage = (bd_stage){
+      .g = g,
+      .mass = mass,
+      .slender = 0.25 * plan->model->belt_model->facts.shear,
+      .k = g * (g * links->stiffness + links->damping),
+      .bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half,
+  };
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
+    memset(bd_newton_border(system, lay, body), 0,
+           (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
+  }
+  bd_close_links(lay, y);
   if (plan->kernels->gather_points) {
-    plan->kernels->gather_points(links, joints->cos, joints->sin, fill->y, &system->scratch.points);
+    plan->kernels->gather_points(links, joints->cos, joints->sin, y, &system->scratch.points);
   }
   kernels->fill_ring(links, joints, &system->stage, &system->blocks);
   for (int j = 0; j < lay->np; ++j) {
@@ -211,15 +215,15 @@ static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fil
     const int m = mount_of(plan, j);
     bd_axis axis;
     if (m >= 0) {
-      axis = bd_mount_axis(system, plan, m, fill->g);
+      axis = bd_mount_axis(system, plan, m, g);
     }
     const bd_fill_sums sums = kernels->fill_pulley[pulley->law](
-        links, joints, pulley, system->at.n_runs[j], runs_of(system, j), fill, &system->scratch,
+        links, joints, pulley, system->at.n_runs[j], runs_of(system, j), &fill, &system->scratch,
         &system->blocks, &system->slots[j], &system->bodies[bd_belt_body(lay, j)],
         m >= 0 ? &axis : NULL);
     system->own[j] = sums.own;
-    if (fill->c) {
-      correct_bodies(system, plan, j, &sums, fill->c);
+    if (c) {
+      correct_bodies(system, plan, j, &sums, c);
     }
     if (m >= 0) {
       bd_mount_border_add(system, plan, m, &axis);
@@ -229,22 +233,9 @@ static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fil
 
 void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double g, double h,
                       double *c) {
-  const bd_model *model = plan->model;
-  const bd_layout *lay = &model->lay;
-  const bd_links *links = &plan->links;
-  bd_stage *stage = &system->stage;
-  double inv_half = 1.0 / links->half;
-  stage->g = g;
-  stage->mass = model->info.link_mass * (1.0 + g * system->at.mass_damping);
-  stage->slender = 0.25 * model->belt_model->facts.shear;
-  stage->k = g * (g * links->stiffness + links->damping);
-  stage->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
-  for (int body = 0; body < bd_count_bodies(lay); ++body) {
-    memset(bd_newton_border(system, lay, body), 0,
-           (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
-  }
-  bd_close_links(lay, y);
-  assemble(system, plan, &(bd_fill){y, g, h, c});
+  const bd_layout *lay = &plan->model->lay;
+  const double damped = 1.0 + g * system->at.mass_damping;
+  bd_newton_fill(system, plan, y, g, h, c, plan->model->info.link_mass * damped);
   system->ring_kernels->factor(&system->ring, system->blocks.w);
   const int first = first_body(plan), n = count_bodies(plan);
   for (int j = 0; j < n; ++j) {
@@ -256,8 +247,9 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
         system->matrix[i * n + j] = i == j;
         continue;
       }
+      const double inertia = i == j ? bd_freedom_of(plan, first + i).inertia * damped : 0.0;
       system->matrix[i * n + j] =
-          body_entry(system, plan, first + i, first + j, g) -
+          bd_newton_entry(system, plan, first + i, first + j, g, inertia) -
           body_row(system, plan, first + i, z, z + lay->stride, z + 2 * lay->stride);
     }
   }
@@ -266,8 +258,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
 
 /* --- solve ----------------------------------------------------------------------------------- */
 
-/* Behind the last node comes the first. */
-static void close_ring(const bd_layout *lay, double *c) {
+void bd_newton_close(const bd_layout *lay, double *c) {
   bd_close_links(lay, c);
   for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
     v[lay->n] = v[0];
@@ -288,15 +279,15 @@ double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j,
                                    v);
 }
 
-/* Right-hand sides of the ring and of the bodies by what c has of positions and states. */
-static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
+void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c) {
   const bd_layout *lay = &plan->model->lay;
   const bd_newton_kernels *kernels = system->kernels;
   const double g = system->stage.g, m = g / plan->links.inv_mass;
   const double mass[3] = {m, m, m * plan->links.half / system->stage.slender};
   double *const r[3] = {system->x, system->y, system->p};
   const double *cq = bd_cfield(lay, c, F_X);
-  close_ring(lay, c);
+  memset(system->rhs, 0, (size_t)bd_count_bodies(lay) * sizeof *system->rhs);
+  bd_newton_close(lay, c);
   kernels->blocks_product(lay, system->blocks.q, cq, bd_cfield(lay, c, F_VX), mass, r);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
@@ -313,28 +304,44 @@ static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
       bd_mount_product(system, plan, mount_of(plan, j), c, sums + 1, &system->rhs[body]);
     }
   }
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->product) {
+      plan->effects[e]->product(&system->at, plan->model, g, c, system->rhs);
+    }
+  }
+}
+
+void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
+  const bd_layout *lay = &plan->model->lay;
+  bd_newton_close(lay, c);
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    if (pulley->law == BD_LAW_NONE) {
+      continue;
+    }
+    const int m = mount_of(plan, j);
+    double move[4];
+    system->kernels->restore_states(
+        lay, system->at.n_runs[j], runs_of(system, j), pulley->states, &system->slots[j],
+        plan->links.link_mask, plan->pulleys_locked ? 0.0 : system->rhs[bd_belt_body(lay, j)],
+        m >= 0 ? bd_mount_move(system, plan, m, c, move) : NULL, bd_cfield(lay, c, F_X),
+        bd_cfield(lay, c, F_VX), bd_field(lay, c, bd_f_state(lay, pulley->slot)),
+        bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
+  }
 }
 
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
-  const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = system->kernels;
   const double g = system->stage.g;
   const int first = first_body(plan), n = count_bodies(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
-  memset(rhs, 0, (size_t)(bd_count_bodies(lay)) * sizeof *rhs);
-  product(system, plan, c);
-  for (int e = 0; e < plan->n_effects; ++e) {
-    if (plan->effects[e]->product) {
-      plan->effects[e]->product(&system->at, model, g, c, rhs);
-    }
-  }
+  bd_newton_product(system, plan, c);
   system->ring_kernels->solve(&system->ring, (double *const[]){x, y, p});
   for (int body = first; body < first + n; ++body) {
     const int j = body < lay->np ? body : -1;
     if (is_prescribed(plan, body)) {
-      rhs[body] = g * (j >= 0 ? c[lay->omega + j] : c[lay->travel_speed + body - lay->np]);
+      rhs[body] = g * c[bd_freedom_of(plan, body).speed];
       continue;
     }
     if (j >= 0) {
@@ -346,8 +353,8 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     rhs[body] -= body_row(system, plan, body, x, y, p);
   }
   substitute(n, system->matrix, system->pivots, rhs + first);
-  kernels->finish_nodes(links, &system->stage, n, bd_newton_border(system, lay, first), rhs + first,
-                        x, y, p, c);
+  system->kernels->finish_nodes(&plan->links, &system->stage, n,
+                                bd_newton_border(system, lay, first), rhs + first, x, y, p, c);
   for (int m = 0; m < lay->nm; ++m) {
     bd_mount_finish(system, plan, m, rhs[lay->np + m], c);
   }
@@ -356,25 +363,12 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
       plan->effects[e]->finish(&system->at, model, g, rhs, c);
     }
   }
-  close_ring(lay, c);
   for (int j = 0; j < lay->np; ++j) {
-    double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
+    const double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
     c[lay->omega + j] = angular_acceleration;
-    angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[bd_belt_body(lay, j)];
-    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    if (pulley->law == BD_LAW_NONE) {
-      continue;
-    }
-    const int m = mount_of(plan, j);
-    double move[4];
-    kernels->restore_states(lay, system->at.n_runs[j], runs_of(system, j), pulley->states,
-                            &system->slots[j], links->link_mask, angular_acceleration,
-                            m >= 0 ? bd_mount_move(system, plan, m, c, move) : NULL,
-                            bd_cfield(lay, c, F_X), bd_cfield(lay, c, F_VX),
-                            bd_field(lay, c, bd_f_state(lay, pulley->slot)),
-                            bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
   }
+  bd_newton_restore(system, plan, c);
   clear_behind(lay, c);
   for (int k = 0; k < lay->n_work; ++k) {
     c[lay->work + k] = 0.0; /* the ledger follows the steps (implicit.c) */

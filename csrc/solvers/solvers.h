@@ -50,6 +50,21 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
 
+/* The parts of which these are made, for jacobian.c. Blocks and border for links of this mass; the
+ * right-hand side of ring and bodies, g M c_v + Q c_q and what given states are worth; states of
+ * friction and slip where all else is solved, of bodies the speeds in rhs; a body's entry of W, of
+ * which `inertia` is M's. */
+void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
+                    double *c, double mass);
+void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c);
+void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c);
+double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
+                       double g, double inertia);
+double bd_newton_inertia(const bd_plan *plan, int body);
+int bd_newton_speed(const bd_layout *lay, int body); /* entry of its speed in a state */
+/* Behind the last node comes the first, before the first the last. */
+void bd_newton_close(const bd_layout *lay, double *c);
+
 /* Whether a body, shafts first, then mounts, then rims and rings of couplings, is a mount. */
 static inline int bd_is_mount_body(const bd_layout *lay, int body) {
   return body >= lay->np && body < lay->np + lay->nm;
@@ -65,6 +80,22 @@ static inline double *bd_newton_border(const bd_newton_system *system, const bd_
 double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
                      const double *const *v);
 
+/* --- jacobian.c ------------------------------------------------------------------------------ */
+
+/* Entries of J that are not 0, each once, counted in n; values NULL: only counted. place: of an
+ * entry of the state vector, its number among the unknowns. */
+typedef struct bd_entries {
+  const int *place;
+  size_t n;
+  int64_t *rows, *columns;
+  double *values;
+} bd_entries;
+
+/* At a state that has been linearised, which sets the system up for another g; torques constant,
+ * pulleys not locked. c: scratch, laid out as a state. */
+void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, double *c,
+                       bd_entries *to);
+
 /* --- mount_border.c -------------------------------------------------------------------------- */
 
 bd_axis bd_mount_axis(const bd_newton_system *system, const bd_plan *plan, int m, double g);
@@ -73,7 +104,7 @@ void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m, c
 /* Entry of the small matrix of which a mount is row or column, but for what the links do; bodies
  * are counted shafts first. */
 double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
-                      double g);
+                      double g, double inertia);
 /* What c says of a mount, added to the right-hand side of links, to the torque of its pulley, and
  * as its own; states: the force on the belt of the given states of friction. */
 void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, const double *c,
