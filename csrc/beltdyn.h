@@ -601,7 +601,8 @@ int bd_model_solve(const bd_model *model, const bd_state *state, double g, const
 
 /* J itself, d(rate)/d(state): entries that are not 0, each once, in no order, of the `size` numbers
  * that the arrays of a bd_state hold, one after the other in the order of BD_STATE_FIELDS; phi and
- * vphi of a string, which are no unknowns, have none. One block, to be freed by bd_jacobian_free. */
+ * vphi of a string, which are no unknowns, have none. One block, to be freed by bd_jacobian_free.
+ */
 typedef struct bd_jacobian {
   size_t size, n;
   int64_t *rows, *columns;

@@ -33,8 +33,9 @@ typedef struct columns {
   int first, colour;
 } columns;
 
+/* row -1: there is none. */
 static void put(bd_entries *to, int row, int column, double value) {
-  if (fabs(value) <= NOTHING) {
+  if (row < 0 || fabs(value) <= NOTHING) {
     return;
   }
   if (to->values) {
@@ -73,7 +74,7 @@ static int column_of(const columns *of, int n, int i) {
 
 static void clear_bodies(const reading *r) {
   const bd_layout *lay = &r->plan->model->lay;
-  memset(r->system->rhs, 0, (size_t)(lay->np + lay->nm + lay->nc) * sizeof *r->system->rhs);
+  memset(r->system->rhs, 0, (size_t)bd_count_bodies(lay) * sizeof *r->system->rhs);
 }
 
 /* 1 in these columns, 0 elsewhere. */
@@ -152,9 +153,9 @@ static void read_moves(const reading *r, int of_rates) {
 
 /* --- bodies ----------------------------------------------------------------------------------- */
 
-static int is_path(const bd_plan *plan, int body) {
-  const bd_layout *lay = &plan->model->lay;
-  return bd_is_mount_body(lay, body) && plan->model->mounts[body - lay->np].kind == BD_MOUNT_PATH;
+/* The row of a body's speed, -1 if that is prescribed. */
+static int row_of(const reading *r, int body) {
+  return bd_newton_is_prescribed(r->plan, body) ? -1 : bd_freedom_of(r->plan, body).speed;
 }
 
 /* A body's row by the nodes near pulley j. */
@@ -162,8 +163,8 @@ static void read_row(const reading *r, int body, int j) {
   const bd_newton_system *s = r->system;
   const bd_layout *lay = &r->plan->model->lay;
   const bd_run *runs = s->at.runs + j * s->at.max_runs;
-  const int row = bd_newton_speed(lay, body), d = s->ring_kernels->unknowns;
-  const double per = 1.0 / (SHORT * bd_newton_inertia(r->plan, body));
+  const int row = row_of(r, body), d = s->ring_kernels->unknowns;
+  const double per = 1.0 / (SHORT * bd_freedom_of(r->plan, body).inertia);
   for (int n = 0; n < s->at.n_runs[j]; ++n) {
     for (int k = 0; k < d; ++k) {
       const double end = k == 2 ? r->plan->links.half : 1.0;
@@ -190,13 +191,12 @@ static void read_friction(const reading *r, int body, int j) {
       for (int i = runs[n].begin; i < runs[n].end && i < lay->n; ++i) {
         const int at = e * lay->stride + i;
         const int column = entry_of(lay, bd_f_state(lay, pulley->slot) + e, i);
-        put(r->to, bd_newton_speed(lay, body), column,
-            per / bd_newton_inertia(r->plan, body) * slot->given_torque[at]);
-        if (m >= 0 && !is_path(r->plan, lay->np + m)) {
+        put(r->to, row_of(r, body), column,
+            per / bd_freedom_of(r->plan, body).inertia * slot->given_torque[at]);
+        if (m >= 0) {
           const double *a = s->at.mounts[m].at.a;
-          put(r->to, lay->travel_speed + m, column,
-              -per / r->plan->mount_inertia[m] *
-                  (a[0] * slot->given_x[at] + a[1] * slot->given_y[at]));
+          const double force = a[0] * slot->given_x[at] + a[1] * slot->given_y[at];
+          put(r->to, row_of(r, lay->np + m), column, -per / r->plan->mount_inertia[m] * force);
         }
       }
     }
@@ -206,18 +206,18 @@ static void read_friction(const reading *r, int body, int j) {
 static void read_bodies(const reading *r) {
   bd_newton_system *s = r->system;
   const bd_layout *lay = &r->plan->model->lay;
-  const int bodies = lay->np + lay->nm + lay->nc;
+  const int bodies = bd_count_bodies(lay);
   for (int j = 0; j < lay->np; ++j) {
     const int body = bd_belt_body(lay, j);
     const int m = r->plan->model->mount_of ? r->plan->model->mount_of[j] : -1;
     read_row(r, body, j);
     read_friction(r, body, j);
-    if (m >= 0 && !is_path(r->plan, lay->np + m)) {
+    if (m >= 0) {
       read_row(r, lay->np + m, j);
     }
   }
   for (int body = 0; body < bodies; ++body) {
-    const columns of = {bd_newton_speed(lay, body), -1};
+    const columns of = {bd_freedom_of(r->plan, body).speed, -1};
     const double *column = bd_newton_border(s, lay, body);
     put_units(r, &of);
     read_nodes(r, &of,
@@ -226,12 +226,10 @@ static void read_bodies(const reading *r) {
     s->rhs[body] = 1.0;
     read_states(r, &of);
     for (int row = 0; row < bodies; ++row) {
-      if (!is_path(r->plan, row)) {
-        const double inertia = bd_newton_inertia(r->plan, row);
-        const double damped = row == body ? SHORT * s->at.mass_damping * inertia : 0.0;
-        put(r->to, bd_newton_speed(lay, row), of.first,
-            -bd_newton_entry(s, r->plan, row, body, SHORT, damped) / (SHORT * inertia));
-      }
+      const double inertia = bd_freedom_of(r->plan, row).inertia;
+      const double damped = row == body ? SHORT * s->at.mass_damping * inertia : 0.0;
+      put(r->to, row_of(r, row), of.first,
+          -bd_newton_entry(s, r->plan, row, body, SHORT, damped) / (SHORT * inertia));
     }
   }
 }
@@ -242,11 +240,9 @@ static void read_single(const reading *r, int first) {
   const bd_layout *lay = &r->plan->model->lay;
   const columns of = {first, -1};
   read_given(r, &of);
-  for (int body = 0; body < lay->np + lay->nm + lay->nc; ++body) {
-    if (!is_path(r->plan, body)) {
-      put(r->to, bd_newton_speed(lay, body), first,
-          s->rhs[body] / (SHORT * SHORT * bd_newton_inertia(r->plan, body)));
-    }
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
+    put(r->to, row_of(r, body), first,
+        s->rhs[body] / (SHORT * SHORT * bd_freedom_of(r->plan, body).inertia));
   }
   clear_bodies(r);
   read_states(r, &of);

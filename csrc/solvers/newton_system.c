@@ -82,7 +82,7 @@ static int count_bodies(const bd_plan *plan) {
   return plan->pulleys_locked ? lay->nm : bd_count_bodies(lay);
 }
 
-static int is_prescribed(const bd_plan *plan, int body) {
+int bd_newton_is_prescribed(const bd_plan *plan, int body) {
   const int np = plan->model->lay.np;
   return body < np ? bd_is_moved(&plan->torques, body)
                    : bd_is_mount_body(&plan->model->lay, body) &&
@@ -243,7 +243,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
     system->ring_kernels->solve(&system->ring,
                                 (double *const[]){z, z + lay->stride, z + 2 * lay->stride});
     for (int i = 0; i < n; ++i) {
-      if (is_prescribed(plan, first + i)) {
+      if (bd_newton_is_prescribed(plan, first + i)) {
         system->matrix[i * n + j] = i == j;
         continue;
       }
@@ -340,7 +340,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   system->ring_kernels->solve(&system->ring, (double *const[]){x, y, p});
   for (int body = first; body < first + n; ++body) {
     const int j = body < lay->np ? body : -1;
-    if (is_prescribed(plan, body)) {
+    if (bd_newton_is_prescribed(plan, body)) {
       rhs[body] = g * c[bd_freedom_of(plan, body).speed];
       continue;
     }

@@ -60,8 +60,7 @@ void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c)
 void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c);
 double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
                        double g, double inertia);
-double bd_newton_inertia(const bd_plan *plan, int body);
-int bd_newton_speed(const bd_layout *lay, int body); /* entry of its speed in a state */
+int bd_newton_is_prescribed(const bd_plan *plan, int body);
 /* Behind the last node comes the first, before the first the last. */
 void bd_newton_close(const bd_layout *lay, double *c);
 
