@@ -33,6 +33,7 @@ void bd_contact_in_one_pass(bd_plan *plan, int j, double *y, double *dy, bd_sums
 
 void bd_links_joints_at(const bd_plan *plan, const double *y, const double *co, const double *si,
                         bd_joint *out);
+void bd_links_direction(const bd_layout *lay, const double *y, int i, double e[2]);
 double bd_links_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);
 void bd_links_set_going(const bd_plan *plan, double *y, double speed);
 
@@ -42,7 +43,8 @@ void bd_links_set_going(const bd_plan *plan, double *y, double speed);
   .explicit_share = 0.93
 #define BD_LINKS                                                                                   \
   .joints_text = {"joints: axial spring-dampers", "joints: axial and bending spring-dampers"},     \
-  .joints_at = bd_links_joints_at, .apart = bd_links_apart, .set_going = bd_links_set_going
+  .joints_at = bd_links_joints_at, .direction = bd_links_direction, .apart = bd_links_apart,       \
+  .set_going = bd_links_set_going
 
 /* --- along.c: contact along the links, or bars ------------------------------------------------ */
 

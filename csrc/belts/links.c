@@ -28,12 +28,15 @@ void bd_links_joints_at(const bd_plan *plan, const double *y, const double *co, 
     out[i] = (bd_joint){.along = dx * ex + dy * ey,
                         .rate = du * ex + dv * ey,
                         .squared = dx * dx + dy * dy,
-                        .turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind),
-                        .cos = ci,
-                        .sin = s};
+                        .turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind)};
     cl = ci;
     sl = s;
   }
+}
+
+void bd_links_direction(const bd_layout *lay, const double *y, int i, double e[2]) {
+  e[0] = cos(bd_cfield(lay, y, F_PHI)[i]);
+  e[1] = sin(bd_cfield(lay, y, F_PHI)[i]);
 }
 
 double bd_links_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v) {

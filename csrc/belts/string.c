@@ -64,7 +64,6 @@ static void set_going(const bd_plan *plan, double *y, double speed) {
   }
 }
 
-/* Bars; a mass has the direction of the one behind it. */
 static void joints_at(const bd_plan *plan, const double *y, const double *co, const double *si,
                       bd_joint *out) {
   (void)co, (void)si;
@@ -74,13 +73,19 @@ static void joints_at(const bd_plan *plan, const double *y, const double *co, co
   for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
     const double bx = x[i] - x[l], by = yy[i] - yy[l], length = hypot(bx, by);
     const double along = length - 2.0 * plan->links.half;
-    out[i].along = along;
-    out[i].rate = ((vx[i] - vx[l]) * bx + (vy[i] - vy[l]) * by) / length;
-    out[i].squared = along * along;
-    out[i].turn = 0.0;
-    out[l].cos = bx / length;
-    out[l].sin = by / length;
+    out[i] = (bd_joint){.along = along,
+                        .rate = ((vx[i] - vx[l]) * bx + (vy[i] - vy[l]) * by) / length,
+                        .squared = along * along};
   }
+}
+
+/* Of the bar behind a mass. */
+static void direction(const bd_layout *lay, const double *y, int i, double e[2]) {
+  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
+  const int next = i + 1 < lay->n ? i + 1 : 0;
+  const double dx = x[next] - x[i], dy = yy[next] - yy[i], length = hypot(dx, dy);
+  e[0] = dx / length;
+  e[1] = dy / length;
 }
 
 /* Friction acts at the masses. */
@@ -122,6 +127,7 @@ const bd_belt_model bd_belt_string = {
     .set_going = set_going,
     .contact = bd_contact_in_one_pass,
     .joints_at = joints_at,
+    .direction = direction,
     .contact_at = contact_at,
     .apart = apart,
 };

@@ -118,9 +118,9 @@ struct bd_model {
 typedef struct bd_plan bd_plan; /* physics/physics.h */
 
 /* A joint as outputs see it: stretch along the belt there, its rate, square of the whole stretch;
- * the angle between its nodes. And the direction of the node on whose left it is. */
+ * the angle between its nodes. */
 typedef struct bd_joint {
-  double along, rate, squared, turn, cos, sin;
+  double along, rate, squared, turn;
 } bd_joint;
 
 /* The contact at a node, or at the joint on its left, as outputs see it: where friction acts; the
@@ -131,8 +131,8 @@ typedef struct bd_touch {
 } bd_touch;
 
 /* A belt model, a row of the table in belts/belts.c: another one is another file there, the kernels
- * that it names, and a row. Functions are of whole belts but for `distance`, which is none of a
- * run; what is done for every node in every step is in kernels. */
+ * that it names, and a row. Functions are of whole belts but for two that steps do not ask, of a
+ * state that is read and of samples; what is done for every node in every step is in kernels. */
 struct bd_belt_model {
   bd_belt_facts facts;
   const char *joints_text[2]; /* for result.effects, without bending and with */
@@ -159,6 +159,8 @@ struct bd_belt_model {
   /* All joints at a state; directions of its nodes if they are known, else NULL. */
   void (*joints_at)(const bd_plan *plan, const double *y, const double *co, const double *si,
                     bd_joint *out);
+  /* Direction of the belt at node i. */
+  void (*direction)(const bd_layout *lay, const double *y, int i, double e[2]);
   /* The contact of pulley j, after bd_plan_see: at the nodes on its list; the normal force on the
    * belt that does not act there; its stored energy, added. */
   void (*contact_at)(const bd_plan *plan, const double *y, int j, bd_touch *out, double force[2],

@@ -12,17 +12,6 @@
 /* Of a quantity, over its size, by the operations that lead to it: some 60 of half a unit. */
 #define ROUNDING (32.0 * DBL_EPSILON)
 
-int bd_next_near(const bd_plan *plan, int j, int *run, int i) {
-  const bd_run *runs = bd_runs_of(plan, j);
-  for (++i; *run < plan->search.n_runs[j]; ++*run) {
-    i = i > runs[*run].begin ? i : runs[*run].begin;
-    if (i < runs[*run].end && i < plan->model->lay.n) {
-      return i;
-    }
-  }
-  return -1;
-}
-
 /* Friction where a touch is, of which there is a share. */
 typedef struct rubbing {
   double nx, ny, rho, mu, friction, slip, velocity;
@@ -304,11 +293,14 @@ static void outputs_of_spans(bd_plan *plan, const double *y, double *row) {
 static double across(const bd_plan *plan, const double *y) {
   const bd_layout *lay = &plan->model->lay;
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const bd_joint *at = bd_joints(plan, y, 0);
   double sum = 0.0;
   for (int i = 0; i < lay->n; ++i) {
-    const double v = vy[i] * at[i].cos - vx[i] * at[i].sin;
-    sum += plan->touched[i] < 0 ? v * v : 0.0;
+    if (plan->touched[i] < 0) {
+      double e[2];
+      plan->model->belt_model->direction(lay, y, i, e);
+      const double v = vy[i] * e[0] - vx[i] * e[1];
+      sum += v * v;
+    }
   }
   return sum / lay->n;
 }

@@ -421,6 +421,19 @@ static inline const bd_run *bd_runs_of(const bd_plan *plan, int j) {
   return plan->search.runs + j * plan->search.max_runs;
 }
 
+/* Goes through the links listed near pulley j: the first one after i, -1 past the last; *run is 0
+ * and i -1 at the beginning. */
+static inline int bd_next_near(const bd_plan *plan, int j, int *run, int i) {
+  const bd_run *runs = bd_runs_of(plan, j);
+  for (++i; *run < plan->search.n_runs[j]; ++*run) {
+    i = i > runs[*run].begin ? i : runs[*run].begin;
+    if (i < runs[*run].end && i < plan->model->lay.n) {
+      return i;
+    }
+  }
+  return -1;
+}
+
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
@@ -473,9 +486,6 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
 /* Torque of friction on pulley j at a state; and, unless NULL, the force of its contact on the
  * belt, friction included. */
 double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]);
-/* Goes through the links listed near pulley j: the first one after i, -1 past the last; *run is 0
- * and i -1 at the beginning. */
-int bd_next_near(const bd_plan *plan, int j, int *run, int i);
 /* Of the contact with pulley j: what its forces on the belt add up to without regard to sign, their
  * least normal force, and by how much rounding may shift their sum. */
 typedef struct bd_contact_rounding {
