@@ -268,8 +268,9 @@ void bd_newton_close(const bd_layout *lay, double *c) {
 /* Solutions do not move what stands there in a state, by rounding either, which differences of
  * states over a step's length make grow. */
 static void clear_behind(const bd_layout *lay, double *c) {
+  const int n = lay->n;
   for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
-    v[lay->n] = 0.0;
+    memset(v + n, 0, (size_t)(lay->stride - BD_HALO - n) * sizeof *v);
   }
 }
 
