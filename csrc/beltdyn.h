@@ -578,7 +578,8 @@ int bd_sim_time_passes(bd_sim *sim, int rounds, bd_pass_time out[BD_MAX_PASSES],
                        bd_error *err);
 
 /* Time derivative of a state under the model (torque as given), laid out as a bd_state; for tests
- * and for other integrators. torque: one value per pulley. */
+ * and for other integrators. torque: one value per pulley. Angles of a string follow from its
+ * places: 0. */
 int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque,
                   bd_state *rate, bd_error *err);
 

@@ -32,11 +32,15 @@ static int sim_at_state(bd_sim **out, const bd_model *model, const bd_state *sta
   return code;
 }
 
-/* Rates know neither origin nor turns. */
+/* Rates know neither origin nor turns; angles that follow from places are no unknowns and have
+ * none: 0. */
 static void export_rate(const bd_model *model, const double *dy, bd_state *out) {
   bd_model moved = *model;
   moved.origin[0] = moved.origin[1] = 0.0;
   bd_state_export(&moved, dy, 0.0, out);
+  for (int i = 0; !bd_has_field(&model->lay, F_PHI) && i < model->lay.n; ++i) {
+    out->phi[i] = out->vphi[i] = 0.0;
+  }
 }
 
 int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque, bd_state *out,
