@@ -118,7 +118,8 @@ def test_includes_go_one_way() -> None:
 def test_no_code_asks_which_belt_it_is() -> None:
     """Belt models tell facts: the core calls functions of a row of csrc/belts, Python reads BELTS.
 
-    Their names stand in the public header, in what reads a scene, and where kernels are chosen.
+    Their names stand in the public header, in what reads a scene, and where kernels are chosen;
+    kernels are compiled for each belt and ask constants of theirs.
     """
     named = re.compile(
         r"BD_MESH_\w|BD_BELT_(MODEL_|AUTO|LINKS|STRING)|bd_belt_(joint|string|paper)\b"

@@ -271,8 +271,7 @@ static void read_mounts_and_couplings(const reading *r) {
   }
 }
 
-/* --- all ---------------------------------------------------------------------------------------
- */
+/* --- all ------------------------------------------------------------------------------------- */
 
 /* At which rate states of friction decay. */
 static void read_decay(const reading *r) {
