@@ -362,7 +362,8 @@ PyDoc_STRVAR(
     "all fields, one after the other in the order of STATE_FIELDS. Entries that are not 0,\n"
     "each once, in no order; phi and vphi of a string, which are no unknowns, have none.\n"
     "Contact and friction are taken on the side of their kinks on which the state stands.\n"
-    "Raises TypeError or ValueError naming the argument.");
+    "Raises TypeError or ValueError naming the argument, and SimulationError if it is not\n"
+    "finite.");
 
 static PyObject *copied(int type, const void *from, size_t n) {
   const npy_intp length = (npy_intp)n;

@@ -150,9 +150,19 @@ int bd_model_jacobian(const bd_model *model, const bd_state *state, bd_jacobian 
       (*out)->n = counted.n;
       bd_entries entries = {place, 0, (*out)->rows, (*out)->columns, (*out)->values};
       bd_newton_entries(&at->newton, &at->plan, at->y, at->stage[1], &entries);
+      for (size_t k = 0; code == BD_OK && k < counted.n; ++k) {
+        if (!isfinite((*out)->values[k])) {
+          code = bd_fail(err, BD_ERR_NOT_FINITE, "state",
+                         "the Jacobian is not finite at this state: its numbers are too large");
+        }
+      }
     } else {
       code = bd_fail(err, BD_ERR_MEMORY, "jacobian", "out of memory for a Jacobian");
     }
+  }
+  if (code != BD_OK) {
+    bd_jacobian_free(*out);
+    *out = NULL;
   }
   bd_sim_free(sim);
   return code;
