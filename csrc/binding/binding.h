@@ -63,8 +63,7 @@ PyObject *bd_core_tuple(PyObject *list);
     Py_CLEAR(dict);                                                                                \
   }
 
-/* --- model.c -----------------------------------------------------------------------------------
- */
+/* --- model.c ---------------------------------------------------------------------------------- */
 
 extern const char *const bd_core_meshes[], *const bd_core_belt_models[]; /* names of bd_belt's */
 

@@ -211,6 +211,18 @@ static void finish(const bd_derivatives *at, const bd_model *model, double g, co
   }
 }
 
+static void states(const bd_derivatives *at, const bd_layout *lay, const bd_state_entries *to) {
+  for (int c = 0; c < lay->nc; ++c) {
+    const bd_coupling_tangent *k = &at->couplings[c];
+    const int windup = lay->windup + c, rim = lay->rim_speed + c;
+    to->column(to->reading, windup);
+    to->put(to->reading, lay->rim_angle + c, rim, 1.0);
+    to->put(to->reading, windup, rim, k->winds);
+    to->put(to->reading, windup, lay->omega + lay->coupled[c], -k->winds);
+    to->put(to->reading, windup, windup, -k->decay);
+  }
+}
+
 const bd_effect bd_effect_couplings = {
     .name = "couplings of shafts and rims",
     .asked_by = "isolator clutch damper",
@@ -222,6 +234,7 @@ const bd_effect bd_effect_couplings = {
     .entry = entry,
     .product = product,
     .finish = finish,
+    .states = states,
     .after_step = after_step,
     .unseen = unseen,
     .stiffness = stiffness,

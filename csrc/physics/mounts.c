@@ -339,6 +339,19 @@ static void axes_outputs(bd_plan *plan, const double *y, const bd_output *out, s
   }
 }
 
+static void axes_states(const bd_derivatives *at, const bd_layout *lay,
+                        const bd_state_entries *to) {
+  for (int m = 0; m < lay->nm; ++m) {
+    const int travel = lay->travel + m, share = lay->mount_friction + m;
+    const int speed = lay->travel_speed + m;
+    to->column(to->reading, travel);
+    to->column(to->reading, share);
+    to->put(to->reading, travel, speed, 1.0);
+    to->put(to->reading, share, speed, at->mounts[m].gain);
+    to->put(to->reading, share, share, -at->mounts[m].decay);
+  }
+}
+
 const bd_effect bd_effect_axes = {
     .name = "axes on mounts",
     .asked_by = "arm slider path",
@@ -347,6 +360,7 @@ const bd_effect bd_effect_axes = {
     .tangent = axes_tangent,
     .carve = axes_carve,
     .carve_tangent = axes_carve_tangent,
+    .states = axes_states,
     .after_step = axes_after_step,
     .unseen = stops_unseen,
     .outputs = axes_outputs,

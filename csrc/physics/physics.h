@@ -229,6 +229,14 @@ typedef struct bd_work {
 #define BD_LOST_IN(name, given, never)                                                             \
   { W_##name, #name, given, never }
 
+/* Into which an effect tells the Jacobian of its states: an entry; a state whose column is what the
+ * passes of solves make of it (solvers/jacobian.c). */
+typedef struct bd_state_entries {
+  void (*put)(const void *reading, int row, int column, double value);
+  void (*column)(const void *reading, int state);
+  const void *reading;
+} bd_state_entries;
+
 /* An effect is a row, which stands with its functions; what is NULL or 0 it does not have. Another
  * effect is another row, and its name in BD_EFFECTS. */
 typedef struct bd_effect {
@@ -255,6 +263,8 @@ typedef struct bd_effect {
                   double *rhs);
   void (*finish)(const bd_derivatives *at, const bd_model *model, double g, const double *rhs,
                  double *c);
+  /* Rates of its own states as entries of the Jacobian, and the states by which forces go. */
+  void (*states)(const bd_derivatives *at, const bd_layout *lay, const bd_state_entries *to);
   /* What happens to y between two steps. *changed: so much, over the scale of errors more than
    * `tolerance`, that rates must be taken anew. */
   int (*after_step)(bd_plan *plan, double t, double *y, double tolerance, int *changed,

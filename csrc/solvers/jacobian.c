@@ -248,26 +248,22 @@ static void read_single(const reading *r, int first) {
   read_states(r, &of);
 }
 
-static void read_mounts_and_couplings(const reading *r) {
-  const bd_newton_system *s = r->system;
-  const bd_layout *lay = &r->plan->model->lay;
-  for (int m = 0; m < lay->nm; ++m) {
-    const bd_mount_tangent *at = &s->at.mounts[m];
-    const int share = lay->mount_friction + m, speed = lay->travel_speed + m;
-    read_single(r, lay->travel + m);
-    read_single(r, share);
-    put(r->to, lay->travel + m, speed, 1.0);
-    put(r->to, share, speed, at->gain);
-    put(r->to, share, share, -at->decay);
-  }
-  for (int c = 0; c < lay->nc; ++c) {
-    const bd_coupling_tangent *at = &s->at.couplings[c];
-    const int windup = lay->windup + c, rim = lay->rim_speed + c;
-    read_single(r, windup);
-    put(r->to, lay->rim_angle + c, rim, 1.0);
-    put(r->to, windup, rim, at->winds);
-    put(r->to, windup, lay->omega + lay->coupled[c], -at->winds);
-    put(r->to, windup, windup, -at->decay);
+static void put_entry(const void *reading_, int row, int column, double value) {
+  const reading *r = reading_;
+  put(r->to, row, column, value);
+}
+
+static void put_column(const void *reading_, int state) {
+  read_single(reading_, state);
+}
+
+static void read_states_of_effects(const reading *r) {
+  const bd_plan *plan = r->plan;
+  const bd_state_entries to = {put_entry, put_column, r};
+  for (int k = 0; k < plan->n_effects; ++k) {
+    if (plan->effects[k]->states) {
+      plan->effects[k]->states(&r->system->at, &plan->model->lay, &to);
+    }
   }
 }
 
@@ -316,5 +312,5 @@ void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, doubl
     put(to, lay->theta + j, lay->omega + j, 1.0);
   }
   read_bodies(&r);
-  read_mounts_and_couplings(&r);
+  read_states_of_effects(&r);
 }
