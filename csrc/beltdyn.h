@@ -648,13 +648,6 @@ typedef struct bd_law_point {
 int bd_friction_evaluate(const bd_friction *friction, double l0, int element, double z, double v,
                          double normal, bd_law_point *out, bd_error *err);
 
-/* --- friction, closed form ------------------------------------------------------------------- */
-
-/* Eq. (2.9): the Dahl coefficient after sliding monotonically by dx = x - x0 from mu0. */
-double bd_dahl_slide(double dx, double mu0, double mu_k, double sigma);
-/* The same over a path x[0..n-1] with reversals anywhere: mu[k] at x[k], from mu0 at x[0]. */
-void bd_dahl_path(size_t n, const double *x, double mu0, double mu_k, double sigma, double *mu);
-
 /* --- build ----------------------------------------------------------------------------------- */
 
 /* Kernel level a model made now would use ("avx512", "avx2", "baseline"): the processor's best, or
