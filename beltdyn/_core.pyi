@@ -31,7 +31,8 @@ class BeltFacts(TypedDict):
     note: str  # on results, or empty
     mesh: str  # of Belt
     model: str  # of Belt
-    fields: tuple[str, ...]  # of its nodes, in STATE_FIELDS
+    fields: tuple[str, ...]  # of its states, in STATE_FIELDS before "theta"
+    lacks: tuple[str, ...]  # sizes of which it has no field and no output
     bends: int
     mounts: int
     tangents: int

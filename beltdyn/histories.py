@@ -28,6 +28,7 @@ __all__ = [
     "MountHistory",
     "PulleyHistory",
     "Stats",
+    "absent",
     "absent_groups",
     "histories",
 ]
@@ -407,9 +408,26 @@ GROUPS: dict[str, type[Group]] = {
 }
 
 
+#: Group, name and size of every history but the ledger's.
+_ROWS = (
+    *((group, name, size) for name, group, size, *_ in _core.OUTPUTS if group != "energy"),
+    ("contact", "pulley", "CONTACT"),
+)
+
+
+def absent(params: Any) -> set[str]:
+    """Give the outputs that a drive does not have, for want of parts or by its belt's model."""
+    without = {size for size, pulleys in params._having.items() if not pulleys}
+    without |= set(params._belt_facts["lacks"])
+    return {f"{group}.{name}" for group, name, size in _ROWS if size in without}
+
+
 def absent_groups(params: Any) -> set[str]:
-    """Give the groups that a drive does not have."""
-    return {group for _, group, size, *_ in _core.OUTPUTS if params._having.get(size) == ()}
+    """Give the groups of which a drive has no output."""
+    without = absent(params)
+    return {row[0] for row in _ROWS} - {
+        group for group, name, _ in _ROWS if f"{group}.{name}" not in without
+    }
 
 
 def histories(
@@ -418,7 +436,7 @@ def histories(
     energy_terms: Sequence[str],
     *,
     n_bodies: int = 0,
-    left_out: Collection[str] = (),
+    without: Collection[str] = (),
     names: Collection[str] | None = None,
 ) -> dict[str, Any]:
     """Give the groups by name, from what the core has sampled.
@@ -431,29 +449,29 @@ def histories(
         arrays: ``_core.OUTPUTS`` by name, and "pulley", n_t rows each.
         energy_terms: What the columns of "energy" are.
         n_bodies: Number of links, for the zeros of a drive without friction.
-        left_out: Groups that the drive does not have, of "mounts" and "couplings".
+        without: Outputs that the drive does not have, as :func:`absent` gives them.
         names: The outputs asked for, as "joints.force"; None: all.
 
     Raises:
         KeyError, TypeError: The core has an output for which there is no group or no field, or the
             other way round.
     """
-    columns: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
-    rows = [("pulley", "contact", "LINKS"), *(row[:3] for row in _core.OUTPUTS)]
-    for name, group, size in rows:
-        asked = names is None or f"{group}.{name}" in names
-        if not asked or group == "energy" or group in left_out:
+    columns: dict[str, dict[str, Any]] = {}
+    for group, name, size in _ROWS:
+        if f"{group}.{name}" in without:
             continue
-        if size == "FRICTION" and name not in arrays:
-            columns[group][name] = np.broadcast_to(0.0, (t.size, n_bodies))
+        found = columns.setdefault(group, {})
+        if names is not None and f"{group}.{name}" not in names:
+            continue
+        if size in ("FRICTION", "SLIPS") and name not in arrays:
+            found[name] = np.broadcast_to(0.0, (t.size, n_bodies))
         else:
-            columns[group][name] = arrays[name]
+            found[name] = arrays[name]
     groups: dict[str, Any] = {
-        group: kind(**columns[group]) if names is None else kind._holding(columns[group])
-        for group, kind in GROUPS.items()
-        if group != "energy" and group not in left_out
+        group: GROUPS[group]._holding(columns[group]) if group in columns else None
+        for group in GROUPS
+        if group != "energy"
     }
-    groups |= dict.fromkeys(left_out)
     groups["energy"] = None if names is None else EnergyLedger._holding({})
     if "energy" in arrays and (names is None or "energy" in names):
         power = arrays["torque"] * arrays["omega"]

@@ -26,7 +26,7 @@ from .histories import (
     MountHistory,
     PulleyHistory,
     Stats,
-    absent_groups,
+    absent,
     histories,
 )
 from .naming import span_name, with_names
@@ -147,7 +147,7 @@ class Result:
             done,
             energy_terms,
             n_bodies=params.belt.n_bodies,
-            left_out=absent_groups(params),
+            without=absent(params),
             names=outputs,
         )
         spans = done.get("span_tension")

@@ -99,7 +99,8 @@ typedef struct bd_belt_facts {
   BD_BELT_FACTS(X)
 #undef X
   int mesh, model; /* of a bd_belt that asks for it: BD_MESH_..., BD_BELT_... */
-  unsigned fields; /* of BD_STATE_FIELDS, those of LINKS that its nodes have: a bit each */
+  unsigned fields; /* of BD_STATE_FIELDS, those before THETA that its states have: a bit each */
+  unsigned lacks;  /* of BD_SIZES those of which it has none: a bit each */
 } bd_belt_facts;
 
 const bd_belt_facts *bd_belt_facts_at(int row); /* BD_BELT_MODEL_...; NULL: there is none */
@@ -251,6 +252,7 @@ typedef struct bd_info {
 #define X(type, name, text) type name;
   BD_INFO(X)
 #undef X
+  unsigned lacks; /* of BD_SIZES those of which its belt has none: a bit each */
 } bd_info;
 
 void bd_model_info(const bd_model *model, bd_info *info);

@@ -266,15 +266,20 @@ static PyObject *method_names(void) {
   return bd_core_tuple(list);
 }
 
-static PyObject *names_of_fields(unsigned fields) {
+static const char *field_name(int row) {
   static const char *const names[] = {
 #define X(symbol, name, size, scale, unit, text) #name,
       BD_STATE_FIELDS(X)
 #undef X
   };
+  return row < BD_CORE_N_STATE ? names[row] : NULL;
+}
+
+/* Of the rows of a table whose bits are set. */
+static PyObject *names_of(unsigned bits, const char *(*name)(int row)) {
   PyObject *list = PyList_New(0);
-  for (size_t f = 0; list && f < sizeof names / sizeof names[0]; f++) {
-    list = fields >> f & 1u ? bd_core_append(list, PyUnicode_FromString(names[f])) : list;
+  for (int row = 0; list && name(row); row++) {
+    list = bits >> row & 1u ? bd_core_append(list, PyUnicode_FromString(name(row))) : list;
   }
   return bd_core_tuple(list);
 }
@@ -283,9 +288,10 @@ static PyObject *belt_table(void) {
   PyObject *list = PyList_New(0);
   for (int row = 0; list && row < BD_N_BELT_MODELS; row++) {
     const bd_belt_facts *facts = bd_belt_facts_at(row);
-    PyObject *dict =
-        Py_BuildValue("{s:s, s:s, s:N}", "mesh", bd_core_meshes[facts->mesh], "model",
-                      bd_core_belt_models[facts->model], "fields", names_of_fields(facts->fields));
+    PyObject *dict = Py_BuildValue("{s:s, s:s, s:N, s:N}", "mesh", bd_core_meshes[facts->mesh],
+                                   "model", bd_core_belt_models[facts->model], "fields",
+                                   names_of(facts->fields, field_name), "lacks",
+                                   names_of(facts->lacks, bd_size_name));
 #define X(name, text)                                                                              \
   if (dict && bd_core_set(dict, #name, PyUnicode_FromString(facts->name)) < 0) {                   \
     Py_CLEAR(dict);                                                                                \

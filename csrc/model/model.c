@@ -219,6 +219,7 @@ static void derive(bd_model *model) {
   bd_info *info = &model->info;
   double l0 = belt->length / belt->n_bodies;
   info->n_bodies = belt->n_bodies;
+  info->lacks = model->belt_model->facts.lacks;
   info->n_pulleys = model->lay.np;
   info->length = belt->length;
   info->link_length = l0;
