@@ -28,9 +28,9 @@ __all__ = [
     "MountHistory",
     "PulleyHistory",
     "Stats",
-    "absent",
     "absent_groups",
     "histories",
+    "lacking",
 ]
 
 
@@ -59,7 +59,7 @@ class Group:
         needed = group if group == "energy" else f"{group}.{name}"
         raise AttributeError(
             f"{group}.{name} was not asked for: run simulate with outputs=(..., {needed!r}), or "
-            "without outputs for all of them"
+            "without outputs for all that its belt has"
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -415,62 +415,52 @@ _ROWS = (
 )
 
 
-def absent(params: Any) -> set[str]:
-    """Give the outputs that a drive does not have, for want of parts or by its belt's model."""
-    without = {size for size, pulleys in params._having.items() if not pulleys}
-    without |= set(params._belt_facts["lacks"])
-    return {f"{group}.{name}" for group, name, size in _ROWS if size in without}
-
-
 def absent_groups(params: Any) -> set[str]:
-    """Give the groups of which a drive has no output."""
-    without = absent(params)
-    return {row[0] for row in _ROWS} - {
-        group for group, name, _ in _ROWS if f"{group}.{name}" not in without
-    }
+    """Give the groups that a drive does not have."""
+    return {group for group, _, size in _ROWS if params._having.get(size) == ()}
+
+
+def lacking(params: Any) -> set[str]:
+    """Give the outputs that belts of this drive's model do not have."""
+    return {f"{row[0]}.{row[1]}" for row in _ROWS if row[2] in params._belt_facts["lacks"]}
 
 
 def histories(
     t: Array,
     arrays: Mapping[str, NDArray[Any]],
     energy_terms: Sequence[str],
-    *,
-    n_bodies: int = 0,
-    without: Collection[str] = (),
+    params: Any,
     names: Collection[str] | None = None,
 ) -> dict[str, Any]:
     """Give the groups by name, from what the core has sampled.
 
-    "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Of a run
-    that was asked for some outputs only, groups hold these.
+    "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Groups
+    hold what the drive's belt has and, of a run that was asked for some outputs only, these.
 
     Args:
         t: Sample times (n_t,) [s].
         arrays: ``_core.OUTPUTS`` by name, and "pulley", n_t rows each.
         energy_terms: What the columns of "energy" are.
-        n_bodies: Number of links, for the zeros of a drive without friction.
-        without: Outputs that the drive does not have, as :func:`absent` gives them.
+        params: The drive.
         names: The outputs asked for, as "joints.force"; None: all.
 
     Raises:
         KeyError, TypeError: The core has an output for which there is no group or no field, or the
             other way round.
     """
-    columns: dict[str, dict[str, Any]] = {}
+    left_out, lacks = absent_groups(params), lacking(params)
+    columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in _ROWS}
     for group, name, size in _ROWS:
-        if f"{group}.{name}" in without:
-            continue
-        found = columns.setdefault(group, {})
-        if names is not None and f"{group}.{name}" not in names:
+        asked = names is None or f"{group}.{name}" in names
+        if not asked or group in left_out or f"{group}.{name}" in lacks:
             continue
         if size in ("FRICTION", "SLIPS") and name not in arrays:
-            found[name] = np.broadcast_to(0.0, (t.size, n_bodies))
+            columns[group][name] = np.broadcast_to(0.0, (t.size, params.belt.n_bodies))
         else:
-            found[name] = arrays[name]
+            columns[group][name] = arrays[name]
     groups: dict[str, Any] = {
-        group: GROUPS[group]._holding(columns[group]) if group in columns else None
-        for group in GROUPS
-        if group != "energy"
+        group: None if group in left_out else GROUPS[group]._holding(found)
+        for group, found in columns.items()
     }
     groups["energy"] = None if names is None else EnergyLedger._holding({})
     if "energy" in arrays and (names is None or "energy" in names):
