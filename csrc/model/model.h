@@ -69,12 +69,21 @@ typedef struct bd_mount_kind {
   bd_place (*place)(const bd_mounted *mount, double q);
 } bd_mount_kind;
 
+/* A row of the table in coupling.c. */
+typedef struct bd_coupling_kind {
+  const char *name;  /* and the group of its parameters */
+  const char *label; /* in result.effects, where there are no others */
+  int carries;       /* the belt runs on its rim; 0: on the shaft, and the rim is a free ring */
+  int one_way;       /* it never holds the shaft back, and a number that is 0 is chosen */
+} bd_coupling_kind;
+
 /* A coupling with all its numbers. Its rim is the part on which no torque acts: of a damper the
  * ring. */
 typedef struct bd_coupled {
-  int pulley, kind; /* BD_COUPLING_... */
-  double sense;     /* in which a clutch drives the shaft, else 1 */
-  double inertia;   /* of the rim */
+  const bd_coupling_kind *row;
+  int pulley;
+  double sense;   /* in which one that is one-way drives the shaft, else 1 */
+  double inertia; /* of the rim */
   double stiffness, damping;
 } bd_coupled;
 

@@ -336,7 +336,8 @@ bd_mount_numbers bd_model_mount(const bd_model *model, int m) {
   const bd_mounted *mount = &model->mounts[m];
   return (bd_mount_numbers){.inertia = mount->inertia,
                             .friction_stiffness = mount->friction * mount->adapts,
-                            .stop_stiffness = mount->stop_stiffness};
+                            .stop_stiffness = mount->stop_stiffness,
+                            .stop_damping = mount->stop_damping};
 }
 
 /* --- what acts on it -------------------------------------------------------------------------- */

@@ -145,12 +145,17 @@ typedef struct bd_plan_options {
   double flow; /* settling: stress-free length of belt that runs past a point [m/s] */
 } bd_plan_options;
 
-/* A mount as linearised: its speed; where it has the axis; stiffness and damping of all but the
- * belt's contact, what turning the direction does to the force of the belt included; friction, and
- * the rate of its share by speed and, of opposite sign, by the share. */
-typedef struct bd_mount_tangent {
+/* An axis that moves with a body (-1: it stands): speed of the body, and where it has the axis. */
+typedef struct bd_moving_axis {
+  int body;
   double speed;
   bd_place at;
+} bd_moving_axis;
+
+/* A mount as linearised: stiffness and damping of all but the belt's contact, what turning the
+ * direction does to the force of the belt included; friction, and the rate of its share by speed
+ * and, of opposite sign, by the share. */
+typedef struct bd_mount_tangent {
   double stiffness, damping, friction, gain, decay;
 } bd_mount_tangent;
 
@@ -167,19 +172,26 @@ typedef struct bd_derivatives {
   int *n_runs;
   bd_run *runs; /* per pulley, max_runs apart */
   int max_runs;
-  double mass_damping;    /* [1/s] */
-  double *pulley_damping; /* of torques on shafts by their own speed [N m s]; NULL: none */
+  double mass_damping;  /* [1/s] */
+  bd_moving_axis *axes; /* by pulley; NULL: all stand */
+  double *bearings;     /* by pulley: of drag by the speed of the shaft against them [N m s] */
   bd_mount_tangent *mounts;
   bd_coupling_tangent *couplings;
 } bd_derivatives;
 
 /* A body of one degree of freedom; by number shafts, then mounts, then rims and rings with a
- * coupling. Entries of its place and speed in a state; the radius or lever at which the belt has
- * hold of it. */
+ * coupling. Entries of its place and speed in a state; whether its motion is prescribed; the radius
+ * or lever at which the belt has hold of it. */
 typedef struct bd_freedom {
   int pulley, place, speed;
-  double inertia, arm;
+  double inertia;
+  int prescribed;
+  double arm;
 } bd_freedom;
+
+static inline const bd_moving_axis *bd_moving_axis_of(const bd_derivatives *at, int j) {
+  return at->axes && at->axes[j].body >= 0 ? &at->axes[j] : NULL;
+}
 
 static inline int bd_count_bodies(const bd_layout *lay) {
   return lay->np + lay->nm + lay->nc;
@@ -256,12 +268,14 @@ typedef struct bd_effect {
   void (*carve)(bd_carver *carver, bd_plan *plan, const bd_model *model);
   void (*carve_tangent)(bd_carver *carver, bd_derivatives *out, const bd_model *model);
   /* Its part in linear systems with g, beside inertias, damping and what the links do: an entry of
-   * the small matrix of the bodies; what c, laid out as a state, adds to their right-hand side; and
-   * its unknowns into c, from the speeds of all bodies. */
-  double (*entry)(const bd_derivatives *at, const bd_model *model, int row, int column, double g);
-  void (*product)(const bd_derivatives *at, const bd_model *model, double g, const double *c,
-                  double *rhs);
-  void (*finish)(const bd_derivatives *at, const bd_model *model, double g, const double *rhs,
+   * the small matrix of the bodies with its part added; what c, laid out as a state, adds to their
+   * right-hand side and what it takes off; and its unknowns into c, from the speeds of all bodies.
+   */
+  double (*entry)(const bd_plan *plan, const bd_derivatives *at, int row, int column, double g,
+                  double sum);
+  void (*product)(const bd_plan *plan, const bd_derivatives *at, double g, const double *c,
+                  double *rhs, double *off);
+  void (*finish)(const bd_plan *plan, const bd_derivatives *at, double g, const double *rhs,
                  double *c);
   /* Rates of its own states as entries of the Jacobian, and the states by which forces go. */
   void (*states)(const bd_derivatives *at, const bd_layout *lay, const bd_state_entries *to);

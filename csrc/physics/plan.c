@@ -139,15 +139,18 @@ bd_freedom bd_freedom_of(const bd_plan *plan, int body) {
   const bd_layout *lay = &model->lay;
   const int m = body - lay->np, c = m - lay->nm;
   if (m < 0) {
-    return (bd_freedom){body, lay->theta + body, lay->omega + body, model->inertia[body],
-                        model->radius[body]};
+    const int moved = bd_is_moved(&plan->torques, body);
+    return (bd_freedom){body,  lay->theta + body,  lay->omega + body, model->inertia[body],
+                        moved, model->radius[body]};
   }
   if (c < 0) {
-    return (bd_freedom){lay->mounted[m], lay->travel + m, lay->travel_speed + m,
-                        plan->mount_inertia[m], model->mounts[m].lever};
+    const bd_mounted *mount = &model->mounts[m];
+    return (bd_freedom){mount->pulley,          lay->travel + m,    lay->travel_speed + m,
+                        plan->mount_inertia[m], !mount->row->moves, mount->lever};
   }
-  return (bd_freedom){lay->coupled[c], lay->rim_angle + c, lay->rim_speed + c,
-                      model->couplings[c].inertia, model->radius[lay->coupled[c]]};
+  const bd_coupled *k = &model->couplings[c];
+  return (bd_freedom){k->pulley, lay->rim_angle + c,      lay->rim_speed + c, k->inertia,
+                      0,         model->radius[k->pulley]};
 }
 
 int bd_plan_rate_of_belt(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {

@@ -206,8 +206,10 @@ static uint64_t scene_of(const bd_sim *sim) {
     sum = hash_numbers(sum, mount->t, mount->n_t);
     sum = hash_numbers(sum, mount->points, 2 * mount->n_t);
   }
-  if (model->couplings) { /* numbers alone, without a gap */
-    sum = hash(sum, model->couplings, (size_t)model->lay.nc * sizeof *model->couplings);
+  for (int c = 0; c < model->lay.nc; ++c) {
+    const bd_coupled *k = &model->couplings[c];
+    sum = hash(sum, k->row->name, strlen(k->row->name));
+    sum = hash(sum, &k->pulley, sizeof *k - offsetof(bd_coupled, pulley));
   }
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
