@@ -29,11 +29,11 @@ _ARROW: dict[str, Any] = {"arrowstyle": "-|>", "color": "0.35", "lw": 1.4, "muta
 
 def _drawn(pulleys: Iterable[Pulley]) -> list[tuple[int, str, Array]]:
     """Give the parts of mounts: index of the pulley, style, points."""
-    mounted = [(k, pulley) for k, pulley in enumerate(pulleys) if pulley.mount is not None]
     return [
-        (k, style, points)
-        for k, pulley in mounted
-        for style, points in pulley.mount._drawn(np.array(pulley.center), pulley.radius).items()
+        (k, part, points)
+        for k, pulley in enumerate(pulleys)
+        if (mount := pulley.mount) is not None
+        for part, points in mount._drawn(np.array(pulley.center), pulley.radius).items()
     ]
 
 

@@ -37,7 +37,12 @@ int bd_coupling_check(const bd_scene *scene, int j, bd_error *err) {
 void bd_model_carve_couplings(bd_carver *carver, bd_model *model, const bd_scene *scene) {
   int n = 0;
   for (int j = 0; j < scene->n_pulleys; ++j) {
-    n += scene->pulleys[j].coupling != NULL;
+    const bd_coupling *given = scene->pulleys[j].coupling;
+    if (given) {
+      const char *group = kinds[given->kind].name;
+      carver->given = bd_parameters_sum(carver->given, group, &given->isolator);
+      ++n;
+    }
   }
   model->lay.nc = n;
   if (n > 0) {

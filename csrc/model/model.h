@@ -42,9 +42,10 @@ typedef struct bd_mounted {
   const struct bd_mount_kind *row;
   double turning; /* angle by which it turns the bearings of its pulley, over the travel */
   size_t n_t;
-  double *t, *points, *slopes, *scratch; /* (n_t), (n_t, 2), (n_t, 2), (n_t) */
-  double fastest;                        /* of the axis on it, a bound */
-  double rest;                           /* travel in equilibrium with the belt */
+  const double *t, *points; /* (n_t), (n_t, 2) */
+  double *slopes, *scratch; /* (n_t, 2), (n_t) */
+  double fastest;           /* of the axis on it, a bound */
+  double rest;              /* travel in equilibrium with the belt */
   double lever, held; /* there: |da/dq|, and the stiffness with which belt and spring hold it */
 } bd_mounted;
 
@@ -89,6 +90,7 @@ typedef struct bd_coupled {
 
 struct bd_model {
   bd_info info;
+  uint64_t given; /* check sum of the scene */
   bd_belt belt;
   bd_contact contact;
   int has_friction, has_bending, has_gravity;
@@ -226,6 +228,9 @@ int bd_belt_check(const bd_belt *belt, bd_error *err);
 
 /* Of a parameter, into at most BD_MAX_ELEMENTS; returns how many, 1 but of a list. */
 int bd_parameter_values(const bd_parameter *row, const void *group, double *values);
+/* Onto a check sum: of a group; of all that a scene gives but mounts and couplings. */
+uint64_t bd_parameters_sum(uint64_t sum, const char *group, const void *record);
+uint64_t bd_scene_sum(const bd_scene *scene);
 int bd_parameters_list_length(const char *group, const void *record); /* 0: it has no lists */
 /* All of a group against their rules; `label` is what messages call it. */
 int bd_parameters_check(const char *group, const char *label, const void *record, bd_error *err);

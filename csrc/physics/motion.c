@@ -29,6 +29,7 @@ void bd_motion_set_carve(bd_carver *carver, bd_motion_set *set, int np, const bd
   for (size_t k = 0; k < sizeof arrays / sizeof arrays[0]; ++k) {
     BD_CARVE(carver, *arrays[k], set->n);
   }
+  BD_KEEP_SPAN(carver, set, begin, begin);
   BD_KEEP(carver, set->offset, set->n);
   BD_CARVE(carver, set->of_pulley, np);
   BD_CARVE(carver, set->motions, set->n);
@@ -41,6 +42,9 @@ void bd_motion_set_carve(bd_carver *carver, bd_motion_set *set, int np, const bd
     copy.t = bd_carve_copy(carver, given->t, n_t);
     copy.values = BD_CARVE(carver, data, 2 * n_t);
     copy.harmonics = bd_harmonics_carve(carver, &given->harmonics);
+    bd_given(carver, given->values, n_t * sizeof *data);
+    bd_given(carver, given->fade, sizeof given->fade);
+    bd_given(carver, (int[]){given->kind, given->pulley}, 2 * sizeof(int));
     for (size_t i = 0; carver->base && i < n_t; ++i) {
       data[i] = given->values[i];
       if (i > 0) {

@@ -24,7 +24,10 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
     /* the directions are kept, with the rate that they belong to; the last vector of what is one
      * node further reads a number behind them */
     const size_t count = (size_t)lay->stride + BD_HALO;
-    *scratch[k] = (k < 2 ? bd_carve_kept : bd_carve)(carver, count, sizeof **scratch[k]);
+    BD_CARVE(carver, *scratch[k], count);
+    if (k < 2) {
+      bd_keep(carver, (bd_kept){.place = *scratch[k], .size = count * sizeof **scratch[k]});
+    }
     if (carver->base) {
       *scratch[k] += BD_HALO;
     }
@@ -32,6 +35,7 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   for (int i = 0; carver->base && i < lay->n; ++i) {
     link_mask[i] = 1.0;
   }
+  BD_KEEP_SPAN(carver, plan, t_piece, skip_power);
   BD_KEEP(carver, plan->torque, lay->np);
   bd_effects_carve(carver, plan, model);
 }

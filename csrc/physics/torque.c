@@ -25,6 +25,11 @@ static bd_torque_term carve_term(bd_carver *carver, const bd_torque_term *given,
   copy.omega = bd_carve_copy(carver, given->omega, copy.n_points);
   copy.torque = bd_carve_copy(carver, given->torque, copy.n_points);
   copy.harmonics = bd_harmonics_carve(carver, harmonic ? &given->harmonics : &(bd_harmonics){0});
+  bd_given(carver, &copy.kind, sizeof copy.kind);
+  if (load) {
+    bd_given(carver, &copy.against, sizeof copy.against);
+    bd_given(carver, (int[]){copy.pulley, copy.of}, 2 * sizeof(int));
+  }
   return copy;
 }
 
@@ -48,6 +53,9 @@ void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, const bd_model *
     n_breaks += torque->motions[k].n_t + 2;
   }
   BD_CARVE(carver, set->breaks, n_breaks);
+  if (torque) {
+    bd_given(carver, torque->breakpoints, torque->n_breakpoints * sizeof *torque->breakpoints);
+  }
   bd_motion_set_carve(carver, &set->motion, np, torque);
   set->np = np;
   set->model = model;

@@ -216,6 +216,7 @@ static void watch_contacts(bd_sim *sim) {
 /* Another simulation where this one is. */
 static void copy(const bd_sim *sim, bd_sim *twin) {
   bd_stepper_copy(&twin->stepper, &sim->stepper);
+  twin->choice.now = sim->choice.now;
   twin->started = 1;
   twin->next_break = 0;
 }
@@ -309,8 +310,9 @@ static void see_torque(bd_sim *sim, bd_sim *twin) {
 static int repeat(bd_sim *sim, bd_sim *twin) {
   bd_twin *t = &sim->twin;
   see_torque(sim, twin);
-  if (twin->stepper.method !=
-      sim->stepper.method) { /* "auto" has gone over to the other, which begins anew */
+  if (twin->choice.now !=
+      sim->choice.now) { /* "auto" has gone over to the other, which begins anew */
+    twin->choice.now = sim->choice.now;
     twin->stepper.method = sim->stepper.method;
     twin->stepper.n_history = 0;
     twin->stepper.rate_known = twin->stepper.jacobian_known = 0;
@@ -477,6 +479,8 @@ void bd_twin_free(bd_twin *twin) {
 }
 
 void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np) {
+  BD_KEEP_SPAN(carver, twin, missed.steps, missed.next_look);
+  BD_KEEP_SPAN(carver, twin, least, seen_t);
   BD_KEEP(carver, twin->theta, np);
   BD_KEEP(carver, twin->seen, 2 * np);
 }

@@ -23,6 +23,7 @@
 enum { STEPS = 256, PARTS = 64 };
 
 void bd_guard_carve(bd_carver *carver, bd_guard *guard, int np) {
+  BD_KEEP_SPAN(carver, guard, fed, bounces);
   BD_KEEP(carver, guard->touched, np);
 }
 

@@ -79,10 +79,10 @@ typedef struct bd_twin {
   double *theta;           /* pulleys' angles at the last count */
 } bd_twin;
 
-/* What a restart record keeps of these structs stands together in each (record.c). */
 struct bd_sim {
-  size_t bytes, n_kept; /* of its block; of that what was carved with BD_KEEP */
-  char *kept;
+  size_t bytes, n_kept; /* of its block; pieces of the restart record */
+  bd_kept *kept;
+  uint64_t given; /* check sum of the torques */
   bd_stepper stepper;
   bd_auto choice; /* of "auto"; choice.method[0] NULL: the method was named */
   bd_options options;

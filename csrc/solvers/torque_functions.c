@@ -43,6 +43,7 @@ void bd_torque_functions_carve(bd_carver *carver, bd_torque_functions *functions
                               &functions->look};
   double **const kept[] = {&functions->last, &functions->now, &functions->range, &functions->least,
                            &functions->most};
+  BD_KEEP_SPAN(carver, functions, left_out, ranges);
   for (size_t k = 0; k < sizeof scratch / sizeof scratch[0]; ++k) {
     BD_CARVE(carver, *scratch[k], np);
   }
