@@ -177,6 +177,15 @@ int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, i
 #endif
     ;
 
+/* Leaves the function with the code of a call that fails. */
+#define BD_TRY(call)                                                                               \
+  do {                                                                                             \
+    const int code_of_call = (call);                                                               \
+    if (code_of_call != BD_OK) {                                                                   \
+      return code_of_call;                                                                         \
+    }                                                                                              \
+  } while (0)
+
 /* What a run has to say: how it failed, and what was noticed, each code once. */
 typedef struct bd_report {
   bd_error failure;

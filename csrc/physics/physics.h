@@ -12,7 +12,9 @@
 
 /* A copy, whose arrays are carved. */
 bd_harmonics bd_harmonics_carve(bd_carver *carver, const bd_harmonics *given);
-/* whose: of which of the torque terms or motions, for the message. */
+/* whose: of which of the torque terms or motions, for the message. All n values of a name. */
+int bd_check_finite(const char *field, const char *whose, size_t k, const char *name,
+                    const double *values, size_t n, bd_error *err);
 int bd_harmonics_check(const bd_harmonics *harmonics, const char *field, const char *whose,
                        size_t k, bd_error *err);
 /* The sum at an angle, and its derivatives to it of order 1 to 3. */
@@ -90,6 +92,9 @@ typedef struct bd_load_value {
   double torque, by_omega, by_theta;
 } bd_load_value;
 
+/* Fails for term k of a torque. */
+#define BD_REFUSE_TERM(err, k, format, ...)                                                        \
+  bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: " format, k, __VA_ARGS__)
 int bd_is_load(const bd_torque_term *term);
 int bd_has_points(const bd_torque_term *term); /* a table over speed */
 int bd_load_check(const bd_torque_term *term, size_t k, int np, bd_error *err);

@@ -131,10 +131,8 @@ static int check_times(const bd_model *model, double t, double t_end, const bd_o
                    "rounding, got %.17g",
                    t, t_end);
   }
-  if (bd_sim_check_time(model, "t_end", t_end, err) != BD_OK ||
-      bd_sim_check_time(model, "initial.t", t, err) != BD_OK) {
-    return BD_ERR_OPTION;
-  }
+  BD_TRY(bd_sim_check_time(model, "t_end", t_end, err));
+  BD_TRY(bd_sim_check_time(model, "initial.t", t, err));
   const double finest = fmin(1e-7, 1e-4 * bd_round_time(model));
   if (options->torque_interval < finest) {
     return bd_fail(err, BD_ERR_OPTION, "torque_interval",
@@ -182,12 +180,8 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   bd_options defaults;
   bd_options_default(&defaults);
   options = options ? options : &defaults;
-  if (check_options(options, err) != BD_OK) {
-    return BD_ERR_OPTION;
-  }
-  if (check_times(model, initial->t, t_end, options, err) != BD_OK) {
-    return BD_ERR_OPTION;
-  }
+  BD_TRY(check_options(options, err));
+  BD_TRY(check_times(model, initial->t, t_end, options, err));
   bd_auto pair = {0};
   if (automatic(options)) {
     bd_auto_pair(model, options->rtol, &pair);

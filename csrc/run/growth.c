@@ -202,8 +202,8 @@ static void watch_contacts(bd_sim *sim) {
   memcpy(twin->theta, sim->stepper.y + lay->theta, (size_t)lay->np * sizeof *twin->theta);
   twin->times_chattered += chatters;
   if (twin->times_chattered >= OFTEN) {
-    bd_warn(
-        &sim->stepper.report, BD_WARN_chatter, twin->t_chatter, -1, -1,
+    BD_WARN(
+        sim, BD_WARN_chatter, twin->t_chatter, -1, -1,
         "links lose and regain contact with the pulleys %.0f times more often than the belt's "
         "travel explains, from t = %.6g s on: small differences may grow, so the error in time is "
         "not known; more damping of contact or joints calms them",
@@ -283,7 +283,7 @@ static void conclude(bd_sim *sim, double growth) {
   double from = t->chatters ? t->t_chatter : t->t_begin;
   double folding = (sim->stepper.t - t->t_begin) / log(growth);
   note_growth(sim, folding);
-  bd_warn(&sim->stepper.report, BD_WARN_growth, from, -1, -1,
+  BD_WARN(sim, BD_WARN_growth, from, -1, -1,
           "small differences grow exponentially from t = %.6g s on, by a factor of e in "
           "%.2g s: single forces and positions cannot be trusted from then on, whatever the "
           "tolerance, only averages are meaningful; more damping of contact or joints calms such "
@@ -392,7 +392,7 @@ static void conclude_missed(bd_sim *sim) {
   bd_twin *t = &sim->twin;
   const double folding = (sim->stepper.t - t->missed.t_begin) / log(t->missed.grown);
   note_growth(sim, folding);
-  bd_warn(&sim->stepper.report, BD_WARN_growth, t->missed.t_begin, -1, -1,
+  BD_WARN(sim, BD_WARN_growth, t->missed.t_begin, -1, -1,
           "vibrations of the belt grow from t = %.6g s on, by a factor of e in %.2g s, which "
           "steps of %s, up to %.2g s, are too long to follow: what they would become is missing, "
           "and the error is not known; compare with method=\"tsit5\", or give the belt more "

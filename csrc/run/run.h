@@ -100,6 +100,13 @@ struct bd_sim {
   bd_stats stats;
 };
 
+/* How a run fails at its time, and what is noticed of it: bd_fail_at, bd_warn. */
+#define BD_FAIL(sim, code, field, body, pulley, value, ...)                                        \
+  bd_fail_at(&(sim)->stepper.report.failure, code, field, (sim)->stepper.t, body, pulley, value,   \
+             __VA_ARGS__)
+#define BD_WARN(sim, code, t, body, pulley, ...)                                                   \
+  bd_warn(&(sim)->stepper.report, code, t, body, pulley, __VA_ARGS__)
+
 /* --- guards.c -------------------------------------------------------------------------------- */
 
 void bd_guard_carve(bd_carver *carver, bd_guard *guard, int np);

@@ -258,6 +258,8 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
 void bd_stepper_weigh(bd_stepper *stepper);
 /* The weights of friction again, after links have come to a pulley or left one. */
 void bd_stepper_weigh_friction(bd_stepper *stepper);
+/* Set torques at any time, in the present piece, and state. */
+int bd_stepper_torque(bd_stepper *stepper, double t, const double *y, double *torque);
 /* Rate at any time and state; counted. */
 int bd_stepper_rate(bd_stepper *stepper, double t, double *y, double *dy);
 /* The rate at y, where it is not known yet, into stage[0]. */
