@@ -3,7 +3,6 @@
  * Errors and memory. The only file that asks the heap; tests build it with BD_MALLOC and BD_FREE
  * defined to make every allocation fail in turn (tests/c/test_memory.c).
  */
-#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -98,9 +97,10 @@ static void write_message(char *message, size_t size, const char *format, va_lis
   message[end > 0 && (unsigned char)message[end - 1] >= 0xC0 ? end - 1 : size - 1] = '\0';
 }
 
-static int fail(bd_error *err, int code, const char *field, double t, int body, int pulley,
-                double value, const char *format, va_list args) {
+int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, int pulley,
+               double value, const char *format, ...) {
   if (err) {
+    va_list args;
     memset(err, 0, sizeof *err);
     err->code = code;
     err->t = t;
@@ -108,25 +108,10 @@ static int fail(bd_error *err, int code, const char *field, double t, int body, 
     err->pulley = pulley;
     err->value = value;
     snprintf(err->field, sizeof err->field, "%s", field);
+    va_start(args, format);
     write_message(err->message, sizeof err->message, format, args);
+    va_end(args);
   }
-  return code;
-}
-
-int bd_fail(bd_error *err, int code, const char *field, const char *format, ...) {
-  va_list args;
-  va_start(args, format);
-  fail(err, code, field, (double)NAN, -1, -1, (double)NAN, format, args);
-  va_end(args);
-  return code;
-}
-
-int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, int pulley,
-               double value, const char *format, ...) {
-  va_list args;
-  va_start(args, format);
-  fail(err, code, field, t, body, pulley, value, format, args);
-  va_end(args);
   return code;
 }
 
@@ -142,10 +127,12 @@ void bd_warn(bd_report *report, int code, double t, int body, int pulley, const 
   va_end(args);
 }
 
-static const struct {
+typedef struct error_row {
   const char *symbol, *text;
   int kind;
-} errors[] = {
+} error_row;
+
+static const error_row errors[] = {
 #define X(symbol, kind, text) {#symbol, text, BD_KIND_##kind},
     BD_ERRORS(X)
 #undef X
@@ -168,25 +155,22 @@ int bd_warning_accuracy(int code) {
   return code >= 0 && code < BD_N_WARNINGS && warnings[code].accuracy;
 }
 
-static int row_of(int code) {
-  int row = code - BD_ERR_FIRST - 1;
-  return row >= 0 && row < (int)(sizeof errors / sizeof errors[0]) ? row : -1;
+static error_row row_of(int code) {
+  const int row = code - BD_ERR_FIRST - 1;
+  const char *symbol = code == BD_OK ? "BD_OK" : code == BD_MORE ? "BD_MORE" : "unknown";
+  return row >= 0 && row < (int)(sizeof errors / sizeof errors[0])
+             ? errors[row]
+             : (error_row){symbol, "no error", BD_KIND_USE};
 }
 
 const char *bd_error_symbol(int code) {
-  int row = row_of(code);
-  return row < 0 ? (code == BD_OK     ? "BD_OK"
-                    : code == BD_MORE ? "BD_MORE"
-                                      : "unknown")
-                 : errors[row].symbol;
+  return row_of(code).symbol;
 }
 
 const char *bd_error_text(int code) {
-  int row = row_of(code);
-  return row < 0 ? "no error" : errors[row].text;
+  return row_of(code).text;
 }
 
 int bd_error_kind(int code) {
-  int row = row_of(code);
-  return row < 0 ? BD_KIND_USE : errors[row].kind;
+  return row_of(code).kind;
 }

@@ -16,6 +16,8 @@
 #ifndef BELTDYN_BASE_H
 #define BELTDYN_BASE_H
 
+#include <math.h>
+
 #include "beltdyn.h"
 
 #define BD_PI 3.14159265358979323846
@@ -163,19 +165,18 @@ void bd_carve_rows(bd_carver *carver, const bd_layout *lay, int count, double **
 void *bd_block_new(size_t size); /* zeroed, aligned to BD_ALIGN */
 void bd_block_free(void *block);
 
-/* Where errors are raised: fills err (may be NULL) and returns code. */
-int bd_fail(bd_error *err, int code, const char *field, const char *format, ...)
 #if defined(__GNUC__)
-    __attribute__((format(printf, 4, 5)))
+#define BD_PRINTF(text, first) __attribute__((format(printf, text, first)))
+#else
+#define BD_PRINTF(text, first)
 #endif
-    ;
-/* The same for a failure of a run: with the time, the link or the pulley (or -1) and the value. */
+
+/* Where errors are raised: fills err (may be NULL) and returns code; of a run with the time, the
+ * link or the pulley (or -1) and the value. */
 int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, int pulley,
-               double value, const char *format, ...)
-#if defined(__GNUC__)
-    __attribute__((format(printf, 8, 9)))
-#endif
-    ;
+               double value, const char *format, ...) BD_PRINTF(8, 9);
+#define bd_fail(err, code, field, ...)                                                             \
+  bd_fail_at(err, code, field, (double)NAN, -1, -1, (double)NAN, __VA_ARGS__)
 
 /* Leaves the function with the code of a call that fails. */
 #define BD_TRY(call)                                                                               \
@@ -194,9 +195,6 @@ typedef struct bd_report {
 
 /* Keeps a warning, if it is the first of its code. */
 void bd_warn(bd_report *report, int code, double t, int body, int pulley, const char *format, ...)
-#if defined(__GNUC__)
-    __attribute__((format(printf, 6, 7)))
-#endif
-    ;
+    BD_PRINTF(6, 7);
 
 #endif
