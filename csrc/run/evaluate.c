@@ -38,7 +38,7 @@ static void export_rate(const bd_model *model, const double *dy, bd_state *out) 
   bd_model moved = *model;
   moved.origin[0] = moved.origin[1] = 0.0;
   bd_state_export(&moved, dy, 0.0, out);
-  for (int i = 0; !bd_has_field(&model->lay, F_PHI) && i < model->lay.n; ++i) {
+  for (int i = 0; model->belt_model->directions && i < model->lay.n; ++i) {
     out->phi[i] = out->vphi[i] = 0.0;
   }
 }
