@@ -167,6 +167,8 @@ struct bd_belt_model {
               double *phi);
   /* Velocities of a belt that runs along itself at a speed in its spans. */
   void (*set_going)(const bd_plan *plan, double *y, double speed);
+  /* At rest, or running along itself at a speed in its spans; NULL: settling relaxes it. */
+  int (*rest)(const bd_plan *plan, double speed, double *y, bd_error *err);
   /* --- physics: the effects "joints" and "contact" */
   void (*carve)(bd_carver *carver, bd_plan *plan, const bd_layout *lay); /* NULL: no scratch */
   /* The rate of the belt without its contact; returns what its dampers lose. */

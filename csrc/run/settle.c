@@ -478,14 +478,19 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
   bd_stepper *stepper = &settling->sim->stepper;
   int code = method->implicit ? bd_newton_check(&stepper->plan, method->name, err) : BD_OK;
   if (code == BD_OK) {
-    code = initial ? bd_state_import(model, initial, stepper->y, &stepper->turns, err)
-                   : bd_lay_belt(&stepper->plan, options->shift, stepper->y, &stepper->turns, err);
+    settling->at_rest = model->belt_model->rest != NULL;
+    code =
+        settling->at_rest ? model->belt_model->rest(&stepper->plan, options->speed, stepper->y, err)
+        : initial         ? bd_state_import(model, initial, stepper->y, &stepper->turns, err)
+                  : bd_lay_belt(&stepper->plan, options->shift, stepper->y, &stepper->turns, err);
   }
   if (code != BD_OK) {
     bd_settle_free(settling);
     return code;
   }
-  bd_stop(settling->sim, stepper->y);
+  if (!settling->at_rest) {
+    bd_stop(settling->sim, stepper->y);
+  }
   bd_effects_rest(&stepper->plan, stepper->y);
   settling->start_turns = stepper->turns;
   memcpy(settling->start, stepper->y, model->lay.size * sizeof *stepper->y);
