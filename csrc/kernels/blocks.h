@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * What is the same for every belt once its blocks are assembled (bd_assembled): products, rows of
+ * What is the same for every belt once its blocks are assembled (bd_matrix): products, rows of
  * bodies, states of friction. Compiled once per instruction level, in jacobian.h.
  */
 
@@ -26,38 +26,73 @@ INLINE void add_to(double *array, int i, vec v) {
   store(array + i, load(array + i) + v);
 }
 
+/* Of links that joints alone couple, over k: what moves of an end are worth at its joint; p. */
+typedef struct held_end {
+  vec x, y, p;
+} held_end;
+
+INLINE held_end held_end_of(const bd_matrix *q, const double *cq, int i, const double side) {
+  const bd_tangent *t = q->joints;
+  const vec c = load_unaligned(t->cos + i), s = load_unaligned(t->sin + i);
+  const vec p = splat(q->arm) * load_unaligned(cq + 2 * q->stride + i), turned = splat(side) * p;
+  const vec turn = splat(q->spin / q->k) * load_unaligned(t->spin + i) * turned;
+  const vec x = load_unaligned(cq + i), y = load_unaligned(cq + q->stride + i);
+  return (held_end){fma_(s, turned, fma_(c, turn, x)), fnma_(c, turned, fma_(s, turn, y)), p};
+}
+
+/* Adds what joints are worth to these links: by the right ends of those behind, the left ends of
+ * those ahead, and by themselves. */
+INLINE void joints_product(const bd_matrix *q, const double *cq, int i, vec *out) {
+  const held_end behind = held_end_of(q, cq, i - 1, -1.0), ahead = held_end_of(q, cq, i + 1, 1.0);
+  const vec k = splat(q->k), straight = splat(q->mass + 2.0 * q->k);
+  const vec x = load(cq + i), y = load(cq + q->stride + i);
+  const vec p = splat(q->arm) * load(cq + 2 * q->stride + i);
+  const vec held = fnma_(load(q->joints->sin + i), behind.x - ahead.x,
+                         load(q->joints->cos + i) * (behind.y - ahead.y));
+  const vec bent =
+      fma_(splat(q->pull), load(q->joints->pull + i), splat(q->inertia + 2.0 * (q->k + q->bend)));
+  out[0] = fma_(straight, x, fnma_(k, behind.x + ahead.x, out[0]));
+  out[1] = fma_(straight, y, fnma_(k, behind.y + ahead.y, out[1]));
+  out[2] = fnma_(splat(q->bend), behind.p + ahead.p, fma_(k, held, out[2]));
+  out[2] = fma_(bent, p, out[2]);
+  for (int u = 0; q->tiles && u < 2; ++u) {
+    const double *contact = q->tiles + 2 * u * q->stride + i;
+    out[u] = fma_(load(contact), x, fma_(load(contact + q->stride), y, out[u]));
+  }
+}
+
 /* r = M c_v + Q c_q; the halo of c_q is set on both sides. */
-INLINE void blocks_product(const int d, const bd_layout *lay, double *q, const double *cq,
+INLINE void blocks_product(const int d, const bd_layout *lay, const bd_matrix q, const double *cq,
                            const double *cv, const double *mass, double *const *r,
                            const int joints) {
   const int stride = lay->stride;
-  const vec all_round = splat(q[0]);
+  double *const to[3] = {r[0], r[1], r[2]};
   vec inertia[3];
   for (int u = 0; u < d; ++u) {
     inertia[u] = splat(mass[u]);
   }
-  for (int i = 0; i < lay->n8; i += WIDTH) {
+  /* the first links last: what stands behind the ring's ends has just been stored */
+  for (int next = WIDTH; next <= lay->n8; next += WIDTH) {
+    const int i = next < lay->n8 ? next : 0;
     vec out[3];
     for (int u = 0; u < d; ++u) {
       out[u] = inertia[u] * load(cv + u * stride + i);
     }
-    for (int k = 0; k < d; ++k) {
+    if (joints) {
+      joints_product(&q, cq, i, out);
+    }
+    for (int k = 0; k < d && !joints; ++k) {
       const double *c = cq + k * stride + i;
       const vec near[3] = {load_unaligned(c - 1), load(c), load_unaligned(c + 1)};
       for (int place = 0; place < 3; ++place) {
         for (int u = 0; u < d; ++u) {
-          const int e = d * u + k, shared = is_shared(place, e, joints);
-          if (shared || is_stored(place, e, joints)) {
-            const vec of = joints && place == BACK && (e == 6 || e == 7)
-                               ? near[BACK] - near[AHEAD] /* k e' of the link acts both ways */
-                               : near[place];
-            out[u] = fma_(shared ? all_round : load(entry_of(q, d, i, place, e)), of, out[u]);
-          }
+          const double *entry = entry_of(q.tiles, d, i, place, d * u + k);
+          out[u] = fma_(load(entry), near[place], out[u]);
         }
       }
     }
     for (int u = 0; u < d; ++u) {
-      store(r[u] + i, out[u]);
+      store(to[u] + i, out[u]);
     }
   }
 }
@@ -101,12 +136,12 @@ static double sum_runs(int n_runs, const bd_run *runs, const double *array) {
 /* From the nodes' velocities without the bodies' to all their unknowns, in place: c becomes the
  * solution, but for friction in contact, and 0 for the padding. A body's column, times its
  * acceleration, is three blocks; the third unknown is that of a link's end. */
-INLINE void finish_nodes(const int d, const bd_links *links, const bd_stage *stage, int n_columns,
+INLINE void finish_nodes(const int d, const bd_links *links, double g_, int n_columns,
                          const double *columns, const double *factors, const double *x,
                          const double *y, const double *p, double *c) {
   const bd_layout *lay = &links->lay;
   const size_t stride = (size_t)lay->stride;
-  const vec g = splat(stage->g), inv_half = splat(1.0 / links->half), none = splat(0.0);
+  const vec g = splat(g_), inv_half = splat(1.0 / links->half), none = splat(0.0);
   double *cx = bd_field(lay, c, F_X), *cvx = bd_field(lay, c, F_VX);
   double *cmu = bd_field(lay, c, F_MU);
   for (int i = 0; i < lay->n8; i += WIDTH) {
@@ -154,6 +189,10 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
       vec fx = splat(0.0), fy = splat(0.0), rx = splat(0.0), ry = splat(0.0);
       for (int k = i; k < i + columns * stride; k += stride) {
         of_row = fma_(load(row + k), load(cq + k), of_row);
+      }
+      for (int k = i; belt == CENTRES && k < i + 2 * stride; k += stride) {
+        fx = fma_(load(slot->held_x + k), load(cq + k), fx);
+        fy = fma_(load(slot->held_y + k), load(cq + k), fy);
       }
       for (int k = i; k < i + states * stride; k += stride) {
         const vec z = load(cz + k);
@@ -215,18 +254,20 @@ INLINE void restore_states(const int belt, const bd_layout *lay, int n_runs, con
                            const double *move, const double *cq, const double *cv, double *cz,
                            double *cslip) {
   const int stride = lay->stride;
-  const vec spin = splat(spin_);
+  const vec spin = splat(spin_), none = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
-      const mask link = less(splat(0.0), load(link_mask + i));
+      const mask link = less(none, load(link_mask + i));
+      const vec slide = point_row(slot->sq, slot->sv, i, cq, cv, move, stride, i,
+                                  load(slot->rho + i) * spin, 1, belt);
+      store(cslip + i, where(link, load(cslip + i) + slide));
       for (int k = i; k < i + states * stride; k += stride) {
-        vec z = fma_(load(slot->decay + k), load(cz + k), load(slot->spin + k) * spin);
-        z = point_row(slot->zq, slot->zv, k, cq, cv, move, stride, i, z, 0, belt);
+        vec z = fma_(load(slot->by_slip + k), slide, load(slot->decay + k) * load(cz + k));
+        if (any(less(none, load(slot->others + k)))) {
+          z = point_row(slot->zq, slot->zv, k, cq, cv, move, stride, i, z, 0, belt);
+        }
         store(cz + k, where(link, z));
       }
-      vec slide = fma_(load(slot->rho + i), spin, load(cslip + i));
-      slide = point_row(slot->sq, slot->sv, i, cq, cv, move, stride, i, slide, 1, belt);
-      store(cslip + i, where(link, slide));
     }
   }
 }
@@ -236,18 +277,18 @@ INLINE void restore_states(const int belt, const bd_layout *lay, int n_runs, con
                                 const double *column, double factor, double *const *r) {           \
     add_column(d, lay, n_runs, runs, column, factor, r);                                           \
   }                                                                                                \
-  static void finish_nodes_##belt(const bd_links *links, const bd_stage *stage, int n_columns,     \
+  static void finish_nodes_##belt(const bd_links *links, double g, int n_columns,                  \
                                   const double *columns, const double *factors, const double *x,   \
                                   const double *y, const double *p, double *c) {                   \
-    finish_nodes(d, links, stage, n_columns, columns, factors, x, y, p, c);                        \
+    finish_nodes(d, links, g, n_columns, columns, factors, x, y, p, c);                            \
   }
 NODES(links, 3)
 NODES(string, 2)
 
 #define SOLVES(belt, of, d)                                                                        \
-  static void blocks_product_##of(const bd_layout *lay, double *q, const double *cq,               \
+  static void blocks_product_##of(const bd_layout *lay, const bd_matrix *q, const double *cq,      \
                                   const double *cv, const double *mass, double *const *r) {        \
-    blocks_product(belt == STRING ? 2 : 3, lay, q, cq, cv, mass, r, belt == CENTRES);              \
+    blocks_product(belt == STRING ? 2 : 3, lay, *q, cq, cv, mass, r, belt == CENTRES);             \
   }                                                                                                \
   static double row_runs_##of(const bd_layout *lay, int n_runs, const bd_run *runs,                \
                               const double *row, const double *const *v) {                         \

@@ -100,22 +100,17 @@ INLINE void fill_centres(const filling *f, const law_constants *constants, const
     const vec gain_normal = general ? where(on.touching, slopes.rate_by_normal) : none;
     const vec decay = one / fma_(g, where(on.touching, -slopes.rate_by_state), one);
     const vec change = g * decay, given = f->g2 * (by_state * decay);
-    for (int m = 0; m < 2; ++m) {
-      vec zq = gain * sq[m], zv = gain * along[m];
-      if (general) {
-        zq = fma_(gain_normal, nq[m], zq);
-        zv = fma_(gain_normal, nv[m], zv);
-      }
-      zq *= change;
-      zv *= change;
+    by_slip = fma_(by_state, change * gain, by_slip);
+    for (int m = 0; general && m < 2; ++m) {
+      const vec zq = change * (gain_normal * nq[m]), zv = change * (gain_normal * nv[m]);
       store(slot->zq[m] + k, zq);
       store(slot->zv[m] + k, zv);
       fq[m] = fma_(by_state, zq, fq[m]);
       fv[m] = fma_(by_state, zv, fv[m]);
     }
-    by_slip = fma_(by_state, change * gain, by_slip);
+    store(slot->others + k, splat(general ? 1.0 : 0.0));
     store(slot->decay + k, decay);
-    store(slot->spin + k, -(change * gain * rho));
+    store(slot->by_slip + k, decay * gain);
     store(slot->given_x + k, given * ny);
     store(slot->given_y + k, -(given * nx));
     store(slot->given_torque + k, given * rho);
@@ -124,8 +119,7 @@ INLINE void fill_centres(const filling *f, const law_constants *constants, const
     }
   }
   by_normal = where(on.touching, by_normal);
-  direct = where(on.touching, direct);
-  by_slip += direct;
+  by_slip += where(on.touching, direct);
   force = general ? where(on.pressed, force) : by_normal * on.normal;
   const vec over = force * on.inv;
   for (int m = 0; m < 2; ++m) {
@@ -133,11 +127,8 @@ INLINE void fill_centres(const filling *f, const law_constants *constants, const
     vec y = fma_(on.over_rho * along[m], nx, nq[m] * ny);
     vec vx = nv[m] * nx, vy = nv[m] * ny;
     if (friction) {
-      vec mq = fma_(by_normal, nq[m], fq[m]), mv = fma_(by_normal, nv[m], fv[m]);
-      if (general) {
-        mq = fma_(direct, sq[m], mq);
-        mv = fma_(direct, along[m], mv);
-      }
+      const vec mq = fma_(by_slip, sq[m], fma_(by_normal, nq[m], fq[m]));
+      const vec mv = fma_(by_slip, along[m], fma_(by_normal, nv[m], fv[m]));
       x = fma_(over * along[m], nx, fma_(mq, ny, x));
       y = fma_(over * along[m], ny, fnma_(mq, nx, y));
       vx = fma_(mv, ny, vx);
@@ -150,10 +141,10 @@ INLINE void fill_centres(const filling *f, const law_constants *constants, const
     }
     x *= f->g2;
     y *= f->g2;
-    add_to(entry_of(f->blocks->q, 3, i, 1, m), 0, x);
-    add_to(entry_of(f->blocks->q, 3, i, 1, 3 + m), 0, y);
-    add_to(entry_of(f->blocks->w, 3, i, 1, m), 0, -fma_(g, vx, x));
-    add_to(entry_of(f->blocks->w, 3, i, 1, 3 + m), 0, -fma_(g, vy, y));
+    store(slot->held_x + m * stride + i, x);
+    store(slot->held_y + m * stride + i, y);
+    add_to(f->blocks->w.tiles + m * stride, i, -fma_(g, vx, x));
+    add_to(f->blocks->w.tiles + (2 + m) * stride, i, -fma_(g, vy, y));
   }
   if (f->of->c) {
     const vec drag = by_normal * on.beyond, inv_mass = splat(f->links->inv_mass);

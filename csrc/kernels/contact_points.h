@@ -70,12 +70,12 @@ INLINE point_moves moves_of(const bd_tangent *tangent, vec nx, vec ny, int i, co
   return p;
 }
 
-/* A state of friction: its rows by the point's columns, within the step of g, into the slot; what
- * they do to the force is added to fq and fv, and by slip to *by_slip. */
+/* A state of friction within the step of g: by slip, and its rows by the point's columns beside
+ * that, into the slot; what they do to the force is added to *by_slip, fq and fv. */
 INLINE void eliminate_state(const filling *f, const bd_slot *slot, const law_at *at,
                             const law_slopes *slopes, const joint_contact *joint, vec share, vec nx,
-                            vec ny, vec rho, const vec *sq, const point_moves *move, int k, int i,
-                            vec *fq, vec *fv, vec *by_slip, const int general, const int belt) {
+                            vec ny, vec rho, int k, int i, vec *fq, vec *fv, vec *by_slip,
+                            const int general, const int belt) {
   const vec none = splat(0.0), one = splat(1.0);
   const vec by_state = where(joint->touch, share * slopes->by_state);
   const vec gain = where(joint->touch, slopes->rate_by_slip);
@@ -86,15 +86,11 @@ INLINE void eliminate_state(const filling *f, const bd_slot *slot, const law_at 
   const mask coming = less(none, joint->fresh);
   const vec per_share = where(coming, at->z / (joint->share + splat(FRESH)));
   const vec gain_share = fnma_(gain_normal, at->normal, joint->fresh * per_share);
-  const int shares = general || any(coming);
-  for (int m = 0; m < 6; ++m) {
-    vec zq = moves_point(m, belt) ? gain * sq[m] : none;
-    vec zv = moves_point(m, belt) ? gain * move->along[m] : none;
-    if (general) {
-      zq = fma_(gain_normal, of_ends(f->scratch, i, BY_Q, m, belt), zq);
-      zv = fma_(gain_normal, of_ends(f->scratch, i, BY_V, m, belt), zv);
-    }
-    if (shares) {
+  const int others = general || any(coming);
+  for (int m = 0; others && m < 6; ++m) {
+    vec zq = general ? gain_normal * of_ends(f->scratch, i, BY_Q, m, belt) : none;
+    vec zv = general ? gain_normal * of_ends(f->scratch, i, BY_V, m, belt) : none;
+    {
       const vec by = of_ends(f->scratch, i, SHARE, m, belt);
       zq = fma_(gain_share, by, zq);
       zq = fnma_(per_share, of_ends(f->scratch, i, SHARE_RATE, m, belt), zq);
@@ -108,9 +104,10 @@ INLINE void eliminate_state(const filling *f, const bd_slot *slot, const law_at 
     fv[m] = fma_(by_state, zv, fv[m]);
   }
   *by_slip = fma_(by_state, change * gain, *by_slip);
+  store(slot->others + k, splat(others ? 1.0 : 0.0));
   const vec given = f->g2 * (by_state * decay);
   store(slot->decay + k, decay);
-  store(slot->spin + k, -(change * gain * rho));
+  store(slot->by_slip + k, decay * gain);
   store(slot->given_x + k, given * ny);
   store(slot->given_y + k, -(given * nx));
   store(slot->given_torque + k, given * rho);
@@ -197,15 +194,14 @@ INLINE void rub_points(const filling *f, const law_constants *constants, const j
     by_normal += slopes.by_normal;
     direct += slopes.by_slip;
     if (states != 0) {
-      eliminate_state(f, slot, &at, &slopes, &joint, share, nx, ny, lever, sq, &move,
-                      e * stride + i, i, fq, fv, &by_slip, general, belt);
+      eliminate_state(f, slot, &at, &slopes, &joint, share, nx, ny, lever, e * stride + i, i, fq,
+                      fv, &by_slip, general, belt);
     }
   }
   const vec force = where(joint.touch, share * value), over = force * inv;
   const vec by_share = general ? where(joint.touch, fnma_(by_normal, at.normal, value)) : none;
   by_normal = where(joint.touch, by_normal);
-  direct = where(joint.touch, share * direct);
-  by_slip += direct;
+  by_slip += where(joint.touch, share * direct);
   const vec pressed = joint.normal * inv;                /* N / rho */
   vec column[2] = {none, none}, given[2] = {none, none}; /* of a mount */
   for (int m = 0; m < 6; ++m) {
@@ -231,8 +227,8 @@ INLINE void rub_points(const filling *f, const law_constants *constants, const j
       mq = general ? fma_(by_share, of_ends(s, i, SHARE, m, belt), mq) : mq;
       if (own) {
         const vec along = over * move.along[m];
-        mq = fma_(direct, sq[m], mq);
-        mv = fma_(direct, move.along[m], mv);
+        mq = fma_(by_slip, sq[m], mq);
+        mv = fma_(by_slip, move.along[m], mv);
         x = fma_(along, nx, x);
         y = fma_(along, ny, y);
         torque = force * move.out[m];
@@ -251,10 +247,10 @@ INLINE void rub_points(const filling *f, const law_constants *constants, const j
     const vec qx = f->g2 * x, qy = f->g2 * y, wx = fma_(g, vx, qx), wy = fma_(g, vy, qy);
     if (belt == STRING) {
       const int place = m / 2, k = m % 2;
-      add_to(entry_of(f->blocks->q, 2, i, place, k), 0, qx);
-      add_to(entry_of(f->blocks->q, 2, i, place, 2 + k), 0, qy);
-      add_to(entry_of(f->blocks->w, 2, i, place, k), 0, -wx);
-      add_to(entry_of(f->blocks->w, 2, i, place, 2 + k), 0, -wy);
+      add_to(entry_of(f->blocks->q.tiles, 2, i, place, k), 0, qx);
+      add_to(entry_of(f->blocks->q.tiles, 2, i, place, 2 + k), 0, qy);
+      add_to(entry_of(f->blocks->w.tiles, 2, i, place, k), 0, -wx);
+      add_to(entry_of(f->blocks->w.tiles, 2, i, place, 2 + k), 0, -wy);
     } else {
       store(s->point[POINT_Q + 2 * m] + i, qx);
       store(s->point[POINT_Q + 2 * m + 1] + i, qy);
@@ -308,7 +304,7 @@ INLINE void fill_links(const filling *f, int i) {
   const vec turning = f->g2 / f->arm * fma_(c, fx, s * fy);
   for (int m = 0; m < 2; ++m) { /* Q, then W, which has the other sign */
     double *const *const point = scratch->point + (m ? POINT_W : POINT_Q);
-    double *const to = m ? f->blocks->w : f->blocks->q;
+    double *const to = m ? f->blocks->w.tiles : f->blocks->q.tiles;
     for (int k = 0; k < 3; ++k) {
       const vec sign = m ? splat(-0.5) : k == 2 ? half * f->arm : half;
       const vec bx = load(point[2 * k] + i), by = load(point[2 * k + 1] + i);

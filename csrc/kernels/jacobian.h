@@ -52,56 +52,38 @@ static void linearise_links(const bd_links *links, const double *y, const bd_tan
   t.spin[-1] = t.spin[n - 1];
 }
 
-/* The ring's blocks without contact; entries that are 0 stay so where joints alone couple links. */
-INLINE void fill_ring(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                      const bd_assembled *out, const int joints) {
-  const bd_layout *lay = &links->lay;
-  const double g2_ = stage->g * stage->g, half = links->half;
-  const vec g2 = splat(g2_), none = splat(0.0), spin = splat(g2_ * links->damping);
-  tangent->cos[lay->n] = tangent->cos[0];
-  tangent->sin[lay->n] = tangent->sin[0];
-  tangent->spin[lay->n] = tangent->spin[0];
-  for (int m = 0; m < 2; ++m) { /* Q, then W, which has the other sign */
-    const vec k = splat(m ? stage->k : g2_ * links->stiffness), two = k + k;
-    const vec bend = splat(m ? stage->bending : g2_ * links->bending / (half * half));
-    const vec straight = m ? two + splat(stage->mass) : two;
-    const vec bent = bend + bend + two + splat(m ? stage->mass / stage->slender : 0.0);
-    const vec sign = splat(m ? 1.0 : -1.0), turned = splat(m ? 1.0 : -half);
-    double *const to = m ? out->w : out->q;
-    for (int i = 0; i < lay->n8; i += WIDTH) {
-      const vec c = load(tangent->cos + i), s = load(tangent->sin + i);
-      const vec cl = load_unaligned(tangent->cos + i - 1);
-      const vec sl = load_unaligned(tangent->sin + i - 1);
-      const vec ca = load_unaligned(tangent->cos + i + 1);
-      const vec sa = load_unaligned(tangent->sin + i + 1);
-      const vec w = spin * load_unaligned(tangent->spin + i + 1);
-      const vec wl = spin * load_unaligned(tangent->spin + i - 1);
-      const vec qx = fma_(k, sa, w * ca), qy = fnma_(k, ca, w * sa);
-      const vec qxl = fma_(k, sl, wl * cl), qyl = fnma_(k, cl, wl * sl);
-      const vec entries[3][9] = {
-          {-k, none, qxl, none, -k, qyl, -(k * s), k * c, fma_(s, qxl, -fma_(c, qyl, bend))},
-          {straight, none, none, none, straight, none, none, none,
-           fma_(g2, load(tangent->pull + i), bent)},
-          {-k, none, -qx, none, -k, -qy, k * s, -(k * c), fma_(s, qx, -fma_(c, qy, bend))}};
-      for (int place = 0; place < 3; ++place) {
-        for (int e = 0; e < 9; ++e) {
-          if (is_stored(place, e, joints)) {
-            store(entry_of(to, 3, i, place, e), (e % 3 == 2 ? turned : sign) * entries[place][e]);
-          }
-        }
+/* One of the ring's matrices without contact, of links that contact couples as well. */
+static void fill_ring_links(const bd_layout *lay, const bd_matrix *out) {
+  const bd_tangent *t = out->joints;
+  const vec straight = splat(out->mass + 2.0 * out->k), arm = splat(out->arm), none = splat(0.0);
+  const vec bent = splat(out->inertia + 2.0 * (out->k + out->bend));
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    joint_link link[3];
+    vec unused[9], entries[3][9];
+    for (int k = 0; k < 3; ++k) {
+      const int at = i - 1 + k;
+      link[k] = joint_link_of(out, load_unaligned(t->cos + at), load_unaligned(t->sin + at),
+                              load_unaligned(t->spin + at));
+    }
+    const vec turning = fma_(splat(out->pull), load(t->pull + i), bent);
+    const vec own[9] = {straight, none, none, none, straight, none, none, none, turning};
+    couple(out, &link[BACK], &link[DIAGONAL], entries[BACK], unused);
+    couple(out, &link[DIAGONAL], &link[AHEAD], unused, entries[AHEAD]);
+    memcpy(entries[DIAGONAL], own, sizeof own);
+    for (int place = 0; place < 3; ++place) {
+      for (int e = 0; e < 9; ++e) {
+        const vec entry = entries[place][e];
+        store(entry_of(out->tiles, 3, i, place, e), e % 3 == 2 ? arm * entry : entry);
       }
     }
   }
 }
 
-static void fill_ring_links(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                            const bd_assembled *out) {
-  fill_ring(links, tangent, stage, out, 0);
-}
-
-static void fill_ring_centres(const bd_links *links, const bd_tangent *tangent,
-                              const bd_stage *stage, const bd_assembled *out) {
-  fill_ring(links, tangent, stage, out, 1);
+/* Joints are seen where the matrix is used (couple); contact that Q knows stands with the slots. */
+static void fill_ring_centres(const bd_layout *lay, const bd_matrix *out) {
+  if (out->tiles) {
+    memset(out->tiles, 0, (size_t)(4 * lay->stride - BD_HALO) * sizeof *out->tiles);
+  }
 }
 
 #include "kernels/link_contact_tangent.h"

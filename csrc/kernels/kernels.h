@@ -125,26 +125,29 @@ extern const bd_kernels bd_kernels_baseline[BD_N_BELT_MODELS];
 
 /* --- linear systems of the implicit methods: jacobian.h, ring.h ------------------------------ */
 
-/* One solve: g = gamma h, the mass of a link (mass-proportional damping included), what moves of
- * its ends, and angles at them, are worth at joints. */
-typedef struct bd_stage {
-  double g, mass, k, bending;
-  double slender; /* mass of a link over what its inertia is worth at its ends */
-} bd_stage;
-
-/* The ring's matrices, for one g: W = M - g F_v - g^2 F_q, which is solved, and Q = g^2 F_q,
- * friction states eliminated. By tiles of BD_LANES nodes: blocks that couple a node to the one
- * before it, to itself, and to the one ahead, each by rows. A link's unknown angle is that of its
- * end in W (half its length times phi), phi in Q. */
-typedef struct bd_assembled {
-  double *w, *q;
-} bd_assembled;
-
 /* The joints as linearised, by link: direction, angular velocity, and the joints' pull along the
  * link over half its length. */
 typedef struct bd_tangent {
   double *cos, *sin, *spin, *pull;
 } bd_tangent;
+
+/* A matrix of the ring: of nodes with this mass and inertia, which moves between neighbours and
+ * turning ends (k), angular velocities (spin), angles (bend) and the joints' pull hold together,
+ * and contact. By tiles of BD_LANES nodes: blocks that couple a node to the one before it, to
+ * itself, and to the one ahead, each by rows. Of links that joints alone couple (at their centres,
+ * mesh "paper") contact's entries xx, xy, yx, yy alone are stored, as fields at the layout's
+ * stride. A link's unknown angle, times `arm`, is that of its end (half its length times phi). */
+typedef struct bd_matrix {
+  const bd_tangent *joints;
+  double *tiles, mass, inertia, k, spin, bend, pull, arm;
+  int stride;
+} bd_matrix;
+
+/* For one g: W = M - g F_v - g^2 F_q, which is solved, by angles of ends, and Q = g^2 F_q, by phi;
+ * friction states eliminated. */
+typedef struct bd_assembled {
+  bd_matrix w, q;
+} bd_assembled;
 
 /* What a fill is for: the state y; g; and the step h that contact is seen at the end of, as long as
  * there is a rate c, to which is added what forces will be beyond their tangent. */
@@ -170,12 +173,13 @@ typedef struct bd_contact_scratch {
   double *correction[2], *end[2][BD_END_ROWS], *point[BD_POINT_ROWS];
 } bd_contact_scratch;
 
-/* What solves need of a pulley's friction, by point: its states by the columns (of links' centres
- * two), times what the step does (decay: what it leaves of a given change), by the pulley's spin,
- * and what a given state is worth; slip by the columns and by the spin. */
+/* What solves need of a pulley's contact, by point. Slip by the columns (of links' centres two) and
+ * by the pulley's spin; states by slip and, where `others` is set, by the columns beside that,
+ * times what the step does (decay: what it leaves of a given change); what a given state is worth.
+ * Of links' centres forces by places. */
 typedef struct bd_slot {
-  double *zq[6], *zv[6], *decay, *spin, *given_x, *given_y, *given_torque;
-  double *sq[6], *sv[6], *rho;
+  double *sq[6], *sv[6], *rho, *zq[6], *zv[6], *by_slip, *others, *decay;
+  double *given_x, *given_y, *given_torque, *held_x, *held_y;
 } bd_slot;
 
 /* A body in the border: its rows of W and of Q and its column, fields by node at the layout's
@@ -204,24 +208,23 @@ typedef struct bd_newton_kernels {
   int width;                  /* arcs */
   int unknowns;               /* of a link: 3, or 2 of a mass of a string */
   size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
-  void (*factor)(const bd_ring *ring, const double *w);
+  void (*factor)(const bd_ring *ring, const bd_matrix *w);
   void (*solve)(const bd_ring *ring, double *const *v);
   void (*linearise_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);
-  void (*finish_nodes)(const bd_links *links, const bd_stage *stage, int n_columns,
-                       const double *columns, const double *factors, const double *x,
-                       const double *y, const double *p, double *c);
+  void (*finish_nodes)(const bd_links *links, double g, int n_columns, const double *columns,
+                       const double *factors, const double *x, const double *y, const double *p,
+                       double *c);
   /* The ring without contact, stored; contact of a pulley, added [law]; products with given
    * vectors; rows of bodies; states of friction and slip. */
-  void (*fill_ring)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                    const bd_assembled *out);
+  void (*fill_ring)(const bd_layout *lay, const bd_matrix *out);
   bd_fill_sums (*fill_pulley[BD_N_LAWS])(const bd_links *links, const bd_tangent *tangent,
                                          const bd_contact_pulley *pulley, int n_runs,
                                          const bd_run *runs, const bd_fill *fill,
                                          const bd_contact_scratch *scratch, const bd_assembled *out,
                                          const bd_slot *slot, const bd_body *body,
                                          const bd_axis *axis);
-  void (*blocks_product)(const bd_layout *lay, double *q, const double *cq, const double *cv,
-                         const double *mass, double *const *r);
+  void (*blocks_product)(const bd_layout *lay, const bd_matrix *q, const double *cq,
+                         const double *cv, const double *mass, double *const *r);
   void (*states_product)(const bd_layout *lay, const bd_tangent *tangent, int n_runs,
                          const bd_run *runs, int states, const bd_slot *slot, const double *cz,
                          const double *row, const double *cq, double *const *to, double *sums);

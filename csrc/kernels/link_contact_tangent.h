@@ -222,9 +222,9 @@ INLINE void fill_normals(const filling *f, const segment_rows *r, vec (*q)[4], v
     const vec dv[3] = {f->g * fv.x, f->g * fv.y, f->g * fv.p};
     dq[2] = k == 2 ? dq[2] - turning : dq[2];
     for (int u = 0; u < 3; ++u) {
-      double *const at = entry_of(f->blocks->q, 3, i, 1, 3 * u + k);
+      double *const at = entry_of(f->blocks->q.tiles, 3, i, 1, 3 * u + k);
       store(at, k == 2 ? fma_(f->arm, dq[u], load(at)) : load(at) + dq[u]);
-      add_to(entry_of(f->blocks->w, 3, i, 1, 3 * u + k), 0, -(dq[u] + dv[u]));
+      add_to(entry_of(f->blocks->w.tiles, 3, i, 1, 3 * u + k), 0, -(dq[u] + dv[u]));
     }
     if (f->axis) {
       const vec ax = splat(f->axis->a[0]), ay = splat(f->axis->a[1]);

@@ -11,9 +11,9 @@
  * together, until each stands alone. Arcs differ by one node at most; a shorter one begins with a
  * row of the identity that is coupled to nothing.
  *
- * The blocks stand in tiles (bd_assembled). Those of links that meet at joints alone have zeros,
- * which are left out, and entries that are the same all round, with e' = (-sin, cos) of a link and
- * q = -k e' + spin w e:
+ * The blocks stand in tiles (bd_matrix). Those of links that meet at joints alone are made of the
+ * links' directions; they have zeros, which are left out, and entries that are the same all round,
+ * with e' = (-sin, cos) of a link and q = -k e' + spin w e:
  *   link i to i - 1     [-k 1 | q_{i-1} ; k e'_i | -e'_i.q_{i-1} - bending]
  *   link i to i + 1     [-k 1 | -q_{i+1} ; -k e'_i | -e'_i.q_{i+1} - bending]
  * Diagonal blocks are those of an inertia plus stiffness and damping, positive definite but for
@@ -32,21 +32,37 @@ enum { BLOCK = 16, FACTORS = 22 };
 /* Where blocks of a node stand: of the node behind, its own, of the one ahead. */
 enum { BACK, DIAGONAL, AHEAD };
 
-/* Whether entry e of a block is anything but 0, and whether it is the same all round the ring:
- * where joints alone couple links, on whose own places contact may act. */
-INLINE int is_set(const int place, const int e, const int joints) {
-  return !joints || (place == DIAGONAL ? e % 3 < 2 && e < 6 : e != 1 && e != 3) || e == 8;
+/* Whether entry e of a coupling is anything but 0, and whether it is the same all round the ring:
+ * where joints alone couple links. */
+INLINE int is_set(const int e, const int joints) {
+  return !joints || (e != 1 && e != 3);
 }
 
-INLINE int is_shared(const int place, const int e, const int joints) {
-  return joints && place != DIAGONAL && e % 4 == 0 && e < 8;
+INLINE int is_shared(const int e, const int joints) {
+  return joints && e % 4 == 0 && e < 8;
 }
 
-/* Whether it stands in the tiles: what is the same does once, and where joints alone couple links
- * k e' of a link stands with the link behind. */
-INLINE int is_stored(const int place, const int e, const int joints) {
-  return is_set(place, e, joints) && !(is_shared(place, e, joints) && (place == AHEAD || e > 0)) &&
-         !(joints && place == AHEAD && (e == 6 || e == 7));
+/* A link as its joints see it: its direction, and q. */
+typedef struct joint_link {
+  vec c, s, x, y;
+} joint_link;
+
+INLINE joint_link joint_link_of(const bd_matrix *w, vec c, vec s, vec turn) {
+  const vec k = splat(w->k), spin = splat(w->spin) * turn;
+  return (joint_link){.c = c, .s = s, .x = fma_(k, s, spin * c), .y = fnma_(k, c, spin * s)};
+}
+
+/* What couples a link to the one behind it, and that one to it. */
+INLINE void couple(const bd_matrix *w, const joint_link *behind, const joint_link *here, vec *back,
+                   vec *forward) {
+  const vec k = splat(w->k), bend = splat(w->bend), none = splat(0.0);
+  const joint_link b = *behind, h = *here;
+  const vec to_behind[9] = {
+      -k, none, b.x, none, -k, b.y, -(k * h.s), k * h.c, fma_(h.s, b.x, -fma_(h.c, b.y, bend))};
+  const vec to_here[9] = {
+      -k, none, -h.x, none, -k, -h.y, k * b.s, -(k * b.c), fma_(b.s, h.x, -fma_(b.c, h.y, bend))};
+  memcpy(back, to_behind, sizeof to_behind);
+  memcpy(forward, to_here, sizeof to_here);
 }
 
 /* What a row keeps for the solves, a block each: D^-1, D the diagonal block; the coupling to the
@@ -186,9 +202,12 @@ INLINE void separators_solve(const int d, const vec *ends, vec *r, vec *u) {
 
 /* How far the elimination is: the row's diagonal block D and, of the row before, its factors; what
  * couples the row to the separator before its arc, F, and that separator to the row, E; what the
- * rows so far take from that separator's diagonal block. */
+ * rows so far take from that separator's diagonal block. Of the row before, as well, where its
+ * nodes stand in the tiles, or its links. */
 typedef struct elimination {
   vec d[BLOCK], lu[FACTORS], left[BLOCK], to_separator[BLOCK], own[BLOCK];
+  ptrdiff_t behind[WIDTH];
+  joint_link link;
 } elimination;
 
 /* Where the nodes of the arcs' rows j stand in the tiles; the one before the first is the last. */
@@ -199,35 +218,44 @@ INLINE void tiles_of(const int d, const bd_ring *ring, int j, ptrdiff_t *to) {
   }
 }
 
-/* A row's blocks, and what couples the one behind to it; those of the row before stand there yet
- * (again), and with joints alone have q and k e' of the link behind, of the other sign. */
-INLINE void load_row(const int d, elimination *e, const double *w, const ptrdiff_t *here,
-                     const ptrdiff_t *behind, vec *back, vec *forward, const int again,
-                     const int joints) {
-  const vec none = splat(0.0);
-  vec q[2] = {none, none}, lever[2] = {none, none};
-  if (joints && again) {
-    for (int u = 0; u < 2; ++u) {
-      q[u] = -forward[3 * u + 2];
-      lever[u] = -back[6 + u];
-    }
-  } else if (joints) {
-    for (int u = 0; u < 2; ++u) {
-      q[u] = gather(w + (3 * u + 2) * BD_LANES, here);
-      lever[u] = -gather(w + (6 + u) * BD_LANES, behind);
-    }
+INLINE void begin_rows(const int d, elimination *e, const bd_ring *ring, const bd_matrix *w,
+                       const ptrdiff_t *at, const int j, const int joints) {
+  if (joints) {
+    const bd_tangent *t = w->joints;
+    e->link =
+        joint_link_of(w, gather(t->cos + j, at), gather(t->sin + j, at), gather(t->spin + j, at));
+  } else {
+    tiles_of(d, ring, j, e->behind);
   }
+}
+
+/* A row's blocks, and what couples the one behind to it. */
+INLINE void load_row(const int d, elimination *e, const bd_ring *ring, const bd_matrix *w,
+                     const ptrdiff_t *at, int j, vec *back, vec *forward, const int joints) {
+  if (joints) {
+    const joint_link behind = e->link;
+    const double *contact = w->tiles + j;
+    begin_rows(d, e, ring, w, at, j, joints);
+    couple(w, &behind, &e->link, back, forward);
+    clear_block(d, e->d);
+    for (int i = 0; i < 4; ++i) {
+      e->d[i / 2 * 3 + i % 2] = gather(contact + i * w->stride, at);
+    }
+    e->d[0] += splat(w->mass + 2.0 * w->k);
+    e->d[4] += splat(w->mass + 2.0 * w->k);
+    e->d[8] = fma_(splat(w->pull), gather(w->joints->pull + j, at),
+                   splat(w->inertia + 2.0 * (w->k + w->bend)));
+    return;
+  }
+  ptrdiff_t here[WIDTH];
+  tiles_of(d, ring, j, here);
   for (int i = 0; i < d * d; ++i) {
-    const double *first = w + i * BD_LANES, *own = first + d * d * BD_LANES;
-    const int shared = is_shared(BACK, i, joints), set = is_set(BACK, i, joints);
-    const int turns = joints && (i == 2 || i == 5), levers = joints && (i == 6 || i == 7);
-    back[i] = shared ? splat(w[0]) : turns ? q[i / 3] : set ? gather(first, here) : none;
-    e->d[i] = is_set(DIAGONAL, i, joints) ? gather(own, here) : none;
-    forward[i] = shared   ? back[i]
-                 : levers ? lever[i % 2]
-                 : set    ? gather(own + d * d * BD_LANES, behind)
-                          : none;
+    const double *first = w->tiles + i * BD_LANES, *own = first + d * d * BD_LANES;
+    back[i] = gather(first, here);
+    e->d[i] = gather(own, here);
+    forward[i] = gather(own + d * d * BD_LANES, e->behind);
   }
+  memcpy(e->behind, here, sizeof here);
 }
 
 /* Frees a row of the one behind it, which keeps what the solves need. */
@@ -256,26 +284,23 @@ INLINE void eliminate_behind(const int d, elimination *e, vec *behind, const vec
   }
 }
 
-INLINE void factor_ring(const int d, const bd_ring *ring, const double *w, const int joints) {
+INLINE void factor_ring(const int d, const bd_ring *ring, const bd_matrix w, const int joints) {
   const int m = ring->n_rows, entries = d * d;
   vec *row = ring->rows;
-  ptrdiff_t here[WIDTH], behind[WIDTH];
-  tiles_of(d, ring, -1, behind);
+  ptrdiff_t at[WIDTH];
+  places_of(ring, at);
   const vec shorter = load(ring->shorter), whole = 1.0 - shorter;
   elimination e;
   vec back[BLOCK], forward[BLOCK];
-  clear_block(d, back);
-  clear_block(d, forward);
+  begin_rows(d, &e, ring, &w, at, -1, joints);
   clear_block(d, e.left);
   clear_block(d, e.to_separator);
   clear_block(d, e.own);
   for (int j = 0; j < m; ++j, row += ROW_BLOCKS * entries) {
     vec coupled[BLOCK];
-    tiles_of(d, ring, j, here);
-    load_row(d, &e, w, here, behind, back, forward, j > 0, joints);
-    memcpy(behind, here, sizeof here);
+    load_row(d, &e, ring, &w, at, j, back, forward, joints);
     for (int i = 0; i < entries; ++i) {
-      if (j == 0 || (is_set(BACK, i, joints) && !is_shared(BACK, i, joints))) {
+      if (j == 0 || (is_set(i, joints) && !is_shared(i, joints))) {
         row[BEHIND * entries + i] = back[i];
       }
     }
@@ -336,7 +361,7 @@ INLINE void solve_ring(const int d, const bd_ring *ring, double *const *v, const
       }
     }
     for (int i = 0; i < entries; ++i) {
-      back[i] = is_shared(BACK, i, joints) ? back[i] : row[BEHIND * entries + i];
+      back[i] = is_shared(i, joints) ? back[i] : row[BEHIND * entries + i];
     }
     take_column(d, back, u, r, 1, joints);
     if (j < m - 1) {
@@ -375,13 +400,19 @@ INLINE void solve_ring(const int d, const bd_ring *ring, double *const *v, const
   }
 }
 
-/* For blocks of d x d; of links that joints alone couple, or of any nodes. */
+/* For blocks of d x d; of links that joints alone couple, or of any nodes. What nodes are worth to
+ * others falls by some power of ten a node where steps are short, and would end in numbers that are
+ * not normal, each of which costs more than a row. */
 #define RING(name, d, joints)                                                                      \
-  static void factor_##name(const bd_ring *ring, const double *w) {                                \
-    factor_ring(d, ring, w, joints);                                                               \
+  static void factor_##name(const bd_ring *ring, const bd_matrix *w) {                             \
+    const unsigned kept = flush_small_numbers();                                                   \
+    factor_ring(d, ring, *w, joints);                                                              \
+    restore_small_numbers(kept);                                                                   \
   }                                                                                                \
   static void solve_##name(const bd_ring *ring, double *const *v) {                                \
+    const unsigned kept = flush_small_numbers();                                                   \
     solve_ring(d, ring, v, joints);                                                                \
+    restore_small_numbers(kept);                                                                   \
   }
 #define RING_MEMORY(d)                                                                             \
   .width = WIDTH, .unknowns = d, .ring_row = ROW_BLOCKS * (d) * (d) * sizeof(vec),                 \

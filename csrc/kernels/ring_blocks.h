@@ -26,7 +26,7 @@ INLINE void take_column(const int d, const vec *a, const vec *x, vec *out, const
                         const int joints) {
   for (int i = 0; i < d; ++i) {
     for (int j = 0; j < d; ++j) {
-      if (is_set(BACK, d * i + j, joints)) {
+      if (is_set(d * i + j, joints)) {
         out[step * i] = fnma_(a[d * i + j], x[step * j], out[step * i]);
       }
     }

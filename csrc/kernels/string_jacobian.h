@@ -56,37 +56,25 @@ static void linearise_string(const bd_links *links, const double *y, const bd_ta
   }
 }
 
-/* The ring's blocks without contact. */
-static void fill_ring_string(const bd_links *links, const bd_tangent *tangent,
-                             const bd_stage *stage, const bd_assembled *out) {
-  const int n = links->lay.n, n8 = links->lay.n8;
-  const bd_tangent t = *tangent;
-  const double g2_ = stage->g * stage->g;
-  const vec g2 = splat(g2_);
-  t.cos[n] = t.cos[0];
-  t.sin[n] = t.sin[0];
-  t.spin[n] = t.spin[0];
-  t.pull[n] = t.pull[0];
-  for (int m = 0; m < 2; ++m) { /* Q, then W, which has the other sign */
-    const vec along = splat(m ? stage->k : g2_ * links->stiffness);
-    const vec mass = splat(m ? stage->mass : 0.0), sign = splat(m ? 1.0 : -1.0);
-    double *const to = m ? out->w : out->q;
-    for (int i = 0; i < n8; i += WIDTH) {
-      plane_block bar[2];
-      for (int e = 0; e < 2; ++e) { /* the bar before, the one behind */
-        bar[e] = turned_back(load_unaligned(t.cos + i + e), load_unaligned(t.sin + i + e), along,
-                             g2 * load_unaligned(t.spin + i + e), splat(0.0),
-                             g2 * load_unaligned(t.pull + i + e));
-      }
-      const plane_block p = bar[0], q = bar[1];
-      const vec entries[3][4] = {
-          {-p.xx, -p.xy, -p.yx, -p.yy},
-          {mass + (p.xx + q.xx), p.xy + q.xy, p.yx + q.yx, mass + (p.yy + q.yy)},
-          {-q.xx, -q.xy, -q.yx, -q.yy}};
-      for (int place = 0; place < 3; ++place) {
-        for (int e = 0; e < 4; ++e) {
-          store(entry_of(to, 2, i, place, e), sign * entries[place][e]);
-        }
+/* One of the ring's matrices without contact. */
+static void fill_ring_string(const bd_layout *lay, const bd_matrix *out) {
+  const bd_tangent t = *out->joints;
+  const vec along = splat(out->k), across = splat(out->pull), mass = splat(out->mass);
+  for (int i = 0; i < lay->n8; i += WIDTH) {
+    plane_block bar[2];
+    for (int e = 0; e < 2; ++e) { /* the bar before, the one behind */
+      bar[e] = turned_back(load_unaligned(t.cos + i + e), load_unaligned(t.sin + i + e), along,
+                           across * load_unaligned(t.spin + i + e), splat(0.0),
+                           across * load_unaligned(t.pull + i + e));
+    }
+    const plane_block p = bar[0], q = bar[1];
+    const vec entries[3][4] = {
+        {-p.xx, -p.xy, -p.yx, -p.yy},
+        {mass + (p.xx + q.xx), p.xy + q.xy, p.yx + q.yx, mass + (p.yy + q.yy)},
+        {-q.xx, -q.xy, -q.yx, -q.yy}};
+    for (int place = 0; place < 3; ++place) {
+      for (int e = 0; e < 4; ++e) {
+        store(entry_of(out->tiles, 2, i, place, e), entries[place][e]);
       }
     }
   }

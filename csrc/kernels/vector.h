@@ -15,6 +15,8 @@
 #include <string.h>
 #ifdef __AVX2__
 #include <immintrin.h>
+#elif defined(__SSE2__)
+#include <xmmintrin.h>
 #endif
 
 #define PASTE2(a, b) a##b
@@ -38,6 +40,26 @@ typedef double vec __attribute__((vector_size(8 * WIDTH)));
 typedef double vec_in_memory __attribute__((vector_size(8 * WIDTH), may_alias));
 typedef uint64_t bits __attribute__((vector_size(8 * WIDTH)));
 #endif
+
+/* From one to the other, numbers too small to be normal are 0, on processors that take a hundred
+ * times as long for them. */
+INLINE unsigned flush_small_numbers(void) {
+#ifdef __SSE2__
+  const unsigned kept = _mm_getcsr();
+  _mm_setcsr(kept | 0x8040u);
+  return kept;
+#else
+  return 0;
+#endif
+}
+
+INLINE void restore_small_numbers(unsigned kept) {
+#ifdef __SSE2__
+  _mm_setcsr(kept);
+#else
+  (void)kept;
+#endif
+}
 
 /* Aligned, as every block of the state is. */
 INLINE vec load(const double *p) {

@@ -139,7 +139,7 @@ static void read_moves(const reading *r, int of_rates) {
         const double *unit = bd_cfield(lay, r->c, F_VX), massless[3] = {0.0, 0.0, 0.0};
         double *const force[] = {s->x, s->y, s->p};
         put_units(r, &of);
-        s->kernels->blocks_product(lay, s->blocks.w, unit, unit, massless, force);
+        s->kernels->blocks_product(lay, &s->blocks.w, unit, unit, massless, force);
         read_nodes(r, &of, (const double *const[]){s->x, s->y, s->p},
                    -(k == 2 ? r->plan->links.half : 1.0) / SHORT);
       } else {

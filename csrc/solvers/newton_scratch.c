@@ -37,8 +37,8 @@ static void carve_slot(bd_carver *carver, const bd_model *model, int j, bd_slot 
   const bd_layout *lay = &model->lay;
   const int states = bd_friction_states(&model->friction[j]),
             columns = model->belt_model->facts.reach > 0.0 ? 6 : 2;
-  double **const of_states[] = {&slot->decay, &slot->spin, &slot->given_x, &slot->given_y,
-                                &slot->given_torque};
+  double **const of_states[] = {&slot->decay,   &slot->by_slip, &slot->others,
+                                &slot->given_x, &slot->given_y, &slot->given_torque};
   for (int m = 0; m < columns; ++m) {
     bd_carve_rows(carver, lay, states, &slot->zq[m]);
     bd_carve_rows(carver, lay, states, &slot->zv[m]);
@@ -49,6 +49,8 @@ static void carve_slot(bd_carver *carver, const bd_model *model, int j, bd_slot 
     bd_carve_rows(carver, lay, states, of_states[m]);
   }
   bd_carve_links(carver, lay, &slot->rho);
+  bd_carve_rows(carver, lay, columns == 2 ? 2 : 0, &slot->held_x);
+  bd_carve_rows(carver, lay, columns == 2 ? 2 : 0, &slot->held_y);
 }
 
 void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *kernels, int n) {
@@ -78,11 +80,12 @@ void bd_nodes_newton_carve(bd_carver *carver, bd_newton_system *system, const bd
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
   const int np = lay->np, bodies = bd_count_bodies(lay);
-  const int entries = 3 * ring->unknowns * ring->unknowns;
+  const int along = model->belt_model->facts.reach > 0.0;
+  const int entries = along ? 3 * ring->unknowns * ring->unknowns : 4;
   bd_carve_rows(carver, lay, 3, &system->x);
-  BD_CARVE(carver, system->blocks.w, entries * lay->n8);
-  BD_CARVE(carver, system->blocks.q, entries * lay->n8);
-  if (model->belt_model->facts.reach > 0.0) {
+  bd_carve_rows(carver, lay, entries, &system->blocks.w.tiles);
+  bd_carve_rows(carver, lay, along ? entries : 0, &system->blocks.q.tiles);
+  if (along) {
     carve_scratch(carver, lay, &system->scratch);
   }
   BD_CARVE(carver, system->slots, np);
@@ -106,6 +109,8 @@ void bd_nodes_newton_carve(bd_carver *carver, bd_newton_system *system, const bd
   system->y = system->x + lay->stride;
   system->p = system->y + lay->stride;
   system->kernels = model->kernels->newton;
+  system->blocks.w.joints = system->blocks.q.joints = &system->at.joints;
+  system->blocks.w.stride = system->blocks.q.stride = lay->stride;
   system->ring_kernels = ring;
   for (int body = 0; body < bodies; ++body) {
     system->bodies[body].column = bd_newton_border(system, body);

@@ -178,6 +178,11 @@ static void correct_bodies(const bd_newton_system *system, const bd_plan *plan, 
   }
 }
 
+/* Mass of a link over what its inertia is worth at its ends. */
+static double slenderness(const bd_plan *plan) {
+  return 0.25 * plan->model->belt_model->facts.shear;
+}
+
 void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
                     double *c, double mass) {
   const bd_layout *lay = &plan->model->lay;
@@ -185,14 +190,25 @@ void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, do
   const bd_newton_kernels *kernels = system->kernels;
   const bd_tangent *joints = &system->at.joints;
   const bd_fill fill = {y, g, h, c};
-  const double inv_half = 1.0 / links->half;
-  system->stage = (bd_stage){
-      .g = g,
-      .mass = mass,
-      .slender = 0.25 * plan->model->belt_model->facts.shear,
-      .k = g * (g * links->stiffness + links->damping),
-      .bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half,
-  };
+  const double bend = 1.0 / (links->half * links->half), slender = slenderness(plan);
+  bd_matrix *w = &system->blocks.w, *q = &system->blocks.q;
+  system->g = g;
+  w->mass = mass;
+  w->inertia = mass / slender;
+  w->k = g * (g * links->stiffness + links->damping);
+  w->spin = g * g * links->damping;
+  w->bend = g * (g * links->bending + links->bending_damping) * bend;
+  w->pull = g * g;
+  w->arm = 1.0;
+  q->k = -g * g * links->stiffness;
+  q->spin = -g * g * links->damping;
+  q->bend = -g * g * links->bending * bend;
+  q->pull = -g * g;
+  q->arm = links->half;
+  for (double **v = (double *[]){joints->cos, joints->sin, joints->spin, joints->pull, NULL}; *v;
+       ++v) {
+    (*v)[lay->n] = (*v)[0];
+  }
   for (int body = 0; body < bd_count_bodies(lay); ++body) {
     memset(bd_newton_border(system, body), 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
   }
@@ -200,7 +216,8 @@ void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, do
   if (plan->kernels->gather_points) {
     plan->kernels->gather_points(links, joints->cos, joints->sin, y, &system->scratch.points);
   }
-  kernels->fill_ring(links, joints, &system->stage, &system->blocks);
+  kernels->fill_ring(lay, w);
+  kernels->fill_ring(lay, q);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     bd_axis axis;
@@ -220,7 +237,7 @@ void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, do
 }
 
 static void nodes_factor(bd_newton_system *system) {
-  system->ring_kernels->factor(&system->ring, system->blocks.w);
+  system->ring_kernels->factor(&system->ring, &system->blocks.w);
 }
 
 static void nodes_solve(const bd_newton_system *system, const bd_layout *lay, double *v) {
@@ -271,22 +288,20 @@ double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j,
 static void nodes_product(bd_newton_system *system, const bd_plan *plan, double *c) {
   const bd_layout *lay = &plan->model->lay;
   const bd_newton_kernels *kernels = system->kernels;
-  const double g = system->stage.g, m = g / plan->links.inv_mass;
-  const double mass[3] = {m, m, m * plan->links.half / system->stage.slender};
+  const double g = system->g, m = g / plan->links.inv_mass;
+  const double mass[3] = {m, m, m * plan->links.half / slenderness(plan)};
   double *const r[3] = {system->x, system->y, system->p};
   const double *cq = bd_cfield(lay, c, F_X);
   bd_newton_close(lay, c);
-  kernels->blocks_product(lay, system->blocks.q, cq, bd_cfield(lay, c, F_VX), mass, r);
+  kernels->blocks_product(lay, &system->blocks.q, cq, bd_cfield(lay, c, F_VX), mass, r);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     const int body = bd_belt_body(lay, j);
-    double sums[3] = {0.0, 0.0, 0.0}; /* torque and force of given states */
-    if (pulley->law != BD_LAW_NONE) {
-      const double *cz = bd_cfield(lay, c, bd_f_state(lay, pulley->slot));
-      kernels->states_product(lay, &system->at.joints, system->at.n_runs[j], runs_of(system, j),
-                              pulley->states, &system->slots[j], cz, system->bodies[body].q, cq, r,
-                              sums);
-    }
+    double sums[3]; /* torque and force of given states */
+    kernels->states_product(lay, &system->at.joints, system->at.n_runs[j], runs_of(system, j),
+                            pulley->states, &system->slots[j],
+                            bd_cfield(lay, c, bd_f_state(lay, pulley->slot)),
+                            system->bodies[body].q, cq, r, sums);
     system->rhs[body] = sums[0];
     if (bd_moving_axis_of(&system->at, j)) {
       bd_axis_product(system, plan, j, c, sums + 1);
@@ -301,7 +316,7 @@ void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c)
   plan->model->belt_model->newton->product(system, plan, c);
   for (int e = 0; e < plan->n_effects; ++e) {
     if (plan->effects[e]->product) {
-      plan->effects[e]->product(plan, &system->at, system->stage.g, c, system->rhs, system->off);
+      plan->effects[e]->product(plan, &system->at, system->g, c, system->rhs, system->off);
     }
   }
   for (int body = 0; body < bodies; ++body) {
@@ -311,13 +326,15 @@ void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c)
 
 static void nodes_finish(const bd_newton_system *system, const bd_plan *plan, int n,
                          const double *columns, const double *factors, double *c) {
-  system->kernels->finish_nodes(&plan->links, &system->stage, n, columns, factors, system->x,
-                                system->y, system->p, c);
+  system->kernels->finish_nodes(&plan->links, system->g, n, columns, factors, system->x, system->y,
+                                system->p, c);
 }
 
 void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
   const bd_layout *lay = &plan->model->lay;
-  bd_newton_close(lay, c);
+  if (plan->model->belt_model->facts.reach > 0.0) { /* neighbours move points */
+    bd_newton_close(lay, c);
+  }
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     if (pulley->law == BD_LAW_NONE) {
@@ -334,18 +351,14 @@ void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, doub
   }
 }
 
-/* Solutions do not move what stands there in a state, by rounding either, which differences of
- * states over a step's length make grow. */
-static void clear_behind(const bd_layout *lay, double *c) {
-  const int n = lay->n;
-  for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
-    memset(v + n, 0, (size_t)(lay->stride - BD_HALO - n) * sizeof *v);
-  }
-}
-
+/* Solutions do not move what stands behind the last node in a state, by rounding either, which
+ * differences of states over a step's length make grow. */
 static void nodes_restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
   bd_newton_restore(system, plan, c);
-  clear_behind(&plan->model->lay, c);
+  const bd_layout *lay = &plan->model->lay;
+  for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
+    v[lay->n] = 0.0;
+  }
 }
 
 const bd_newton_belt bd_newton_nodes = {.carve = bd_nodes_newton_carve,
@@ -362,7 +375,7 @@ const bd_newton_belt bd_newton_nodes = {.carve = bd_nodes_newton_carve,
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
-  const double g = system->stage.g;
+  const double g = system->g;
   const int first = first_body(plan), n = count_bodies(plan);
   const bd_newton_belt *belt = model->belt_model->newton;
   double *x = system->x, *rhs = system->rhs;

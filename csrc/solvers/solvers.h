@@ -20,7 +20,7 @@ typedef struct bd_newton_system {
   const bd_newton_kernels *kernels, *ring_kernels;
   bd_ring ring;
   bd_derivatives at; /* the effects', at the state */
-  bd_stage stage;
+  double g;          /* gamma h */
   double *x, *y, *p; /* right-hand side and solution of the ring, with halo, at the stride */
   double *border;    /* per body: its column, solved by the ring, */
   int width;         /* so many numbers apart */
