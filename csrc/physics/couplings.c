@@ -166,19 +166,16 @@ static void rest(const bd_plan *plan, double *y) {
 
 /* --- in the linear systems -------------------------------------------------------------------- */
 
-static double between(const bd_derivatives *at, int c, double g) {
-  return g * (g * at->couplings[c].stiffness + at->couplings[c].damping);
-}
-
-static double entry(const bd_plan *plan, const bd_derivatives *at, int row, int column, double g,
-                    double sum) {
+static void entries(const bd_plan *plan, const bd_derivatives *at, double g, int n, double *w) {
   const bd_layout *lay = &plan->model->lay;
   for (int c = 0; c < lay->nc; ++c) {
     const int shaft = lay->coupled[c], rim = bd_rim_body(lay, c);
-    const int of_row = row == shaft || row == rim, of_column = column == shaft || column == rim;
-    sum += of_row && of_column ? (row == column ? 1.0 : -1.0) * between(at, c, g) : 0.0;
+    const double between = g * (g * at->couplings[c].stiffness + at->couplings[c].damping);
+    w[shaft * n + shaft] += between;
+    w[rim * n + rim] += between;
+    w[shaft * n + rim] -= between;
+    w[rim * n + shaft] -= between;
   }
-  return sum;
 }
 
 static void product(const bd_plan *plan, const bd_derivatives *at, double g, const double *y,
@@ -226,7 +223,7 @@ const bd_effect bd_effect_couplings = {
     .rate = rate,
     .tangent = tangent,
     .carve_tangent = carve_tangent,
-    .entry = entry,
+    .entries = entries,
     .product = product,
     .finish = finish,
     .states = states,

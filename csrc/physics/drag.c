@@ -142,17 +142,19 @@ static void carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model
   BD_CARVE(carver, out->bearings, model->lay.np);
 }
 
-/* How a body turns a shaft against its bearings: the shaft itself, a mount that turns these. */
-static double turns(const bd_model *model, int body) {
-  const int m = body - model->lay.np;
-  return m < 0 ? 1.0 : m < model->lay.nm ? -model->mounts[m].turning : 0.0;
-}
-
-static double entry(const bd_plan *plan, const bd_derivatives *at, int row, int column, double g,
-                    double sum) {
-  const int j = bd_freedom_of(plan, row).pulley;
-  const double both = turns(plan->model, row) * turns(plan->model, column);
-  return bd_freedom_of(plan, column).pulley == j ? sum + g * at->bearings[j] * both : sum;
+/* By the speed of the shaft against its bearings, which a mount may turn: on both. */
+static void entries(const bd_plan *plan, const bd_derivatives *at, double g, int n, double *w) {
+  const bd_model *model = plan->model;
+  for (int j = 0; j < model->lay.np; ++j) {
+    const int m = bd_turned_by(model, j), body = model->lay.np + m;
+    w[j * n + j] += g * at->bearings[j];
+    if (m >= 0) {
+      const double turning = model->mounts[m].turning, drag = g * turning * at->bearings[j];
+      w[j * n + body] -= drag;
+      w[body * n + j] -= drag;
+      w[body * n + body] += turning * drag;
+    }
+  }
 }
 
 static void stiffness(bd_stiffening *at) {
@@ -169,7 +171,7 @@ const bd_effect bd_effect_drag = {
     .rate = rate,
     .tangent = tangent,
     .carve_tangent = carve_tangent,
-    .entry = entry,
+    .entries = entries,
     .stiffness = stiffness,
     .on_shaft = on_shaft,
     .n_works = 1,

@@ -189,15 +189,14 @@ static void mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives 
   }
 }
 
-static double mounts_entry(const bd_plan *plan, const bd_derivatives *at, int row, int column,
-                           double g, double sum) {
-  const int m = row - plan->model->lay.np;
-  if (row != column || m < 0 || m >= plan->model->lay.nm) {
-    return sum;
+static void mounts_entries(const bd_plan *plan, const bd_derivatives *at, double g, int n,
+                           double *w) {
+  for (int m = 0; m < plan->model->lay.nm; ++m) {
+    const bd_mount_tangent *k = &at->mounts[m];
+    double *own = &w[(plan->model->lay.np + m) * (n + 1)];
+    *own += g * (g * k->stiffness + k->damping);
+    *own += g * g * k->friction * k->gain / (1.0 + g * k->decay);
   }
-  const bd_mount_tangent *k = &at->mounts[m];
-  const double grip = g * g * k->friction * k->gain / (1.0 + g * k->decay);
-  return sum + g * (g * k->stiffness + k->damping) + grip;
 }
 
 static void mounts_product(const bd_plan *plan, const bd_derivatives *at, double g, const double *c,
@@ -414,7 +413,7 @@ const bd_effect bd_effect_mounts = {
     .enabled = mounts_enabled,
     .rate = mounts_rate,
     .tangent = mounts_tangent,
-    .entry = mounts_entry,
+    .entries = mounts_entries,
     .product = mounts_product,
     .stiffness = mounts_stiffness,
     .energy = mounts_energy,

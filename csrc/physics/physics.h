@@ -272,12 +272,11 @@ typedef struct bd_effect {
   /* Scratch of its pass, and of its derivatives, in models that can have it. */
   void (*carve)(bd_carver *carver, bd_plan *plan, const bd_model *model);
   void (*carve_tangent)(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-  /* Its part in linear systems with g, beside inertias, damping and what the links do: an entry of
-   * the small matrix of the bodies with its part added; what c, laid out as a state, adds to their
+  /* Its part in linear systems with g, beside inertias, damping and what the links do: its entries,
+   * added to the small matrix of all bodies (n, n); what c, laid out as a state, adds to their
    * right-hand side and what it takes off; and its unknowns into c, from the speeds of all bodies.
    */
-  double (*entry)(const bd_plan *plan, const bd_derivatives *at, int row, int column, double g,
-                  double sum);
+  void (*entries)(const bd_plan *plan, const bd_derivatives *at, double g, int n, double *w);
   void (*product)(const bd_plan *plan, const bd_derivatives *at, double g, const double *c,
                   double *rhs, double *off);
   void (*finish)(const bd_plan *plan, const bd_derivatives *at, double g, const double *rhs,

@@ -58,16 +58,16 @@ void bd_axis_fill(bd_newton_system *system, const bd_layout *lay, int j, const b
   };
 }
 
-double bd_axis_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column) {
-  const int j = bd_freedom_of(plan, row).pulley, belt = bd_belt_body(&plan->model->lay, j);
-  const bd_moving_axis *axis = bd_moving_axis_of(&system->at, j);
-  if (!axis || (row != axis->body && column != axis->body)) {
-    return 0.0;
+void bd_axis_entries(const bd_newton_system *system, const bd_layout *lay, int n, double *w) {
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_moving_axis *axis = bd_moving_axis_of(&system->at, j);
+    const int belt = bd_belt_body(lay, j), own = axis ? axis->body : -1;
+    if (axis) {
+      w[own * n + own] += system->axes[j].own;
+      w[own * n + belt] += system->axes[j].by_spin;
+      w[belt * n + own] += system->axes[j].torque;
+    }
   }
-  return row == column    ? system->axes[j].own
-         : row == belt    ? system->axes[j].torque
-         : column == belt ? system->axes[j].by_spin
-                          : 0.0;
 }
 
 void bd_axis_product(bd_newton_system *system, const bd_plan *plan, int j, const double *c,

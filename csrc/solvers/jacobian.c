@@ -218,6 +218,7 @@ static void read_bodies(const reading *r) {
       read_row(r, axis->body, j);
     }
   }
+  bd_newton_bodies(s, r->plan, SHORT, SHORT * s->at.mass_damping);
   for (int body = 0; body < bodies; ++body) {
     const columns of = {bd_freedom_of(r->plan, body).speed, -1};
     const double *column = bd_newton_border(s, body);
@@ -228,10 +229,8 @@ static void read_bodies(const reading *r) {
     s->rhs[body] = 1.0;
     read_states(r, &of);
     for (int row = 0; row < bodies; ++row) {
-      const double inertia = bd_freedom_of(r->plan, row).inertia;
-      const double damped = row == body ? SHORT * s->at.mass_damping * inertia : 0.0;
       put(r->to, row_of(r, row), of.first,
-          -bd_newton_entry(s, r->plan, row, body, SHORT, damped) / (SHORT * inertia));
+          -s->of_bodies[row * bodies + body] / (SHORT * bd_freedom_of(r->plan, row).inertia));
     }
   }
 }

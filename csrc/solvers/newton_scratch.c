@@ -124,6 +124,7 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   BD_CARVE(carver, system->own, np);
   BD_CARVE(carver, system->rhs, bodies);
   BD_CARVE(carver, system->off, bodies);
+  BD_CARVE(carver, system->of_bodies, bodies * bodies);
   BD_CARVE(carver, system->matrix, bodies * bodies);
   BD_CARVE(carver, system->pivots, bodies);
   BD_CARVE(carver, system->by_theta, np * np);

@@ -106,19 +106,26 @@ static double nodes_row(const bd_newton_system *system, const bd_plan *plan, int
                        (const double *[]){v, v + lay->stride, v + 2 * lay->stride});
 }
 
-double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j, double g,
-                       double inertia) {
+void bd_newton_bodies(bd_newton_system *system, const bd_plan *plan, double g, double damped) {
   const bd_layout *lay = &plan->model->lay;
-  const int np = lay->np, shafts = i < np && j < np, pulley = bd_freedom_of(plan, i).pulley;
-  const double torque =
-      shafts ? system->by_omega[i * np + j] + g * system->by_theta[i * np + j] : 0.0;
-  double entry = inertia + (i == j && i == bd_belt_body(lay, pulley) ? system->own[pulley] : 0.0);
+  const int np = lay->np, n = bd_count_bodies(lay);
+  double *w = system->of_bodies;
+  memset(w, 0, (size_t)(n * n) * sizeof *w);
+  for (int body = 0; body < n; ++body) {
+    w[body * n + body] = bd_freedom_of(plan, body).inertia * damped;
+  }
+  for (int j = 0; j < np; ++j) {
+    w[bd_belt_body(lay, j) * (n + 1)] += system->own[j];
+  }
   for (int e = plan->n_effects - 1; e >= 0; --e) {
-    if (plan->effects[e]->entry) {
-      entry = plan->effects[e]->entry(plan, &system->at, i, j, g, entry);
+    if (plan->effects[e]->entries) {
+      plan->effects[e]->entries(plan, &system->at, g, n, w);
     }
   }
-  return entry - g * torque + bd_axis_entry(system, plan, i, j);
+  for (int k = 0; k < np * np; ++k) {
+    w[k / np * n + k % np] -= g * (system->by_omega[k] + g * system->by_theta[k]);
+  }
+  bd_axis_entries(system, lay, n, w);
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */
@@ -252,19 +259,16 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
   const bd_newton_belt *belt = plan->model->belt_model->newton;
   belt->fill(system, plan, y, g, h, c, plan->model->info.link_mass * damped);
   belt->factor(system);
-  const int first = first_body(plan), n = count_bodies(plan);
+  bd_newton_bodies(system, plan, g, damped);
+  const int first = first_body(plan), n = count_bodies(plan), all = bd_count_bodies(lay);
   for (int j = 0; j < n; ++j) {
     double *z = bd_newton_border(system, first + j);
     belt->solve(system, lay, z);
     for (int i = 0; i < n; ++i) {
-      const bd_freedom body = bd_freedom_of(plan, first + i);
-      if (body.prescribed) {
-        system->matrix[i * n + j] = i == j;
-        continue;
-      }
-      const double inertia = i == j ? body.inertia * damped : 0.0;
-      system->matrix[i * n + j] = bd_newton_entry(system, plan, first + i, first + j, g, inertia) -
-                                  belt->row(system, plan, first + i, z);
+      system->matrix[i * n + j] = bd_freedom_of(plan, first + i).prescribed
+                                      ? i == j
+                                      : system->of_bodies[(first + i) * all + first + j] -
+                                            belt->row(system, plan, first + i, z);
     }
   }
   decompose(n, system->matrix, system->pivots);

@@ -25,11 +25,12 @@ typedef struct bd_newton_system {
   double *border;    /* per body: its column, solved by the ring, */
   int width;         /* so many numbers apart */
   bd_assembled blocks;
-  bd_contact_scratch scratch;       /* of contact along the links */
-  bd_slot *slots;                   /* per pulley */
-  bd_body *bodies;                  /* per shaft, mount, rim */
-  bd_axis_border *axes;             /* per pulley */
-  double *own, *rhs, *off, *matrix; /* off: what is to be taken off the right-hand side */
+  bd_contact_scratch scratch; /* of contact along the links */
+  bd_slot *slots;             /* per pulley */
+  bd_body *bodies;            /* per shaft, mount, rim */
+  bd_axis_border *axes;       /* per pulley */
+  double *own, *rhs, *off, *of_bodies,
+      *matrix; /* off: what is to be taken off the right-hand side */
   int *pivots;
   double *by_theta, *by_omega, *by_time; /* of the set torques */
 } bd_newton_system;
@@ -77,14 +78,13 @@ struct bd_newton_belt {
 
 /* The parts of which these are made, for jacobian.c. Blocks and border for links of this mass; the
  * right-hand side of ring and bodies, g M c_v + Q c_q and what given states are worth; states of
- * friction and slip where all else is solved, of bodies the speeds in rhs; a body's entry of W, of
- * which `inertia` is M's. */
+ * friction and slip where all else is solved, of bodies the speeds in rhs; entries of W between
+ * bodies, inertias times `damped`, into of_bodies. */
 void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
                     double *c, double mass);
 void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c);
 void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c);
-double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
-                       double g, double inertia);
+void bd_newton_bodies(bd_newton_system *system, const bd_plan *plan, double g, double damped);
 /* Behind the last node comes the first, before the first the last. */
 void bd_newton_close(const bd_layout *lay, double *c);
 
@@ -119,8 +119,8 @@ void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, doubl
 int bd_axis_at(const bd_newton_system *system, int j, double g, bd_axis *out);
 /* After the fill of pulley j: its axis in the small matrix. */
 void bd_axis_fill(bd_newton_system *system, const bd_layout *lay, int j, const bd_axis *at);
-/* In an entry of the small matrix what contact has to do with an axis that moves. */
-double bd_axis_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column);
+/* Adds what contact has to do with axes that move to the small matrix (n, n). */
+void bd_axis_entries(const bd_newton_system *system, const bd_layout *lay, int n, double *w);
 /* What c says of the body with which the axis of pulley j moves, into right-hand sides; states: the
  * force on the belt of the given states of friction. */
 void bd_axis_product(bd_newton_system *system, const bd_plan *plan, int j, const double *c,
