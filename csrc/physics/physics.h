@@ -131,6 +131,7 @@ typedef struct bd_search {
   int *n_runs;  /* per pulley */
   bd_run *runs; /* per pulley, max_runs apart */
   int max_runs;
+  double step; /* how far one can go within the step that begins */
 } bd_search;
 
 void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay);
@@ -177,6 +178,7 @@ typedef struct bd_derivatives {
   int *n_runs;
   bd_run *runs; /* per pulley, max_runs apart */
   int max_runs;
+  double ahead;         /* contact that comes about while links go so far has a part as well */
   double mass_damping;  /* [1/s] */
   bd_moving_axis *axes; /* by pulley; NULL: all stand */
   double *bearings;     /* by pulley: of drag by the speed of the shaft against them [N m s] */
@@ -510,6 +512,9 @@ static inline void bd_plan_begin(bd_plan *plan, double *y) {
 
 /* --- search.c, on a plan --------------------------------------------------------------------- */
 
+/* Runs of all links within `margin` of touching pulley j, and of those beside them: joints have
+ * contact of both their links, derivatives by a link those of both its joints. Their number. */
+int bd_search_near(const bd_plan *plan, const double *y, int j, double margin, bd_run *runs);
 /* Keeps the search list right for a step of length h from y: every link that can touch a pulley
  * within the step is listed. */
 void bd_search_ready(bd_plan *plan, const double *y, double h);

@@ -9,8 +9,8 @@
 
 #include "solvers/solvers.h"
 
-int bd_implicit_linearise(bd_stepper *stepper) {
-  if (stepper->jacobian_known) {
+int bd_implicit_linearise(bd_stepper *stepper, double ahead) {
+  if (stepper->jacobian_known && ahead <= stepper->newton.at.ahead) {
     return BD_OK;
   }
   if (!stepper->rate_known) {
@@ -19,6 +19,7 @@ int bd_implicit_linearise(bd_stepper *stepper) {
       return code;
     }
   }
+  stepper->newton.at.ahead = ahead;
   bd_newton_linearise(&stepper->newton, &stepper->plan, stepper->y);
   const int watched = stepper->plan.torques.watched;
   stepper->plan.torques.watched = 0; /* what is asked for derivatives is not the step's */

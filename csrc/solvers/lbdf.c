@@ -44,7 +44,7 @@ static int attempt(bd_stepper *stepper, double h, double *error) {
   const bd_layout *lay = &stepper->model->lay;
   const bd_kernels *kernels = stepper->plan.kernels;
   const int order = order_now(stepper);
-  int code = bd_implicit_linearise(stepper);
+  int code = bd_implicit_linearise(stepper, stepper->plan.search.step);
   if (code == BD_OK) {
     code = bd_implicit_torque_by_time(stepper, h, 0);
   }

@@ -42,8 +42,7 @@
 
 /* --- linearisation --------------------------------------------------------------------------- */
 
-/* The links that could contact a pulley when the model was linearised: a later list may be another.
- */
+/* The links that have a part in the contact of a pulley as linearised. */
 static bd_run *runs_of(const bd_newton_system *system, int j) {
   return system->at.runs + j * system->at.max_runs;
 }
@@ -60,7 +59,7 @@ int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err) {
   return BD_OK;
 }
 
-/* Of contact which links are near which pulley: whether it is linearised as it stands or as a step
+/* Of contact which links touch which pulley: whether it is linearised as it stands or as a step
  * of some length finds it depends on the method (bd_newton_factor). */
 static void nodes_linearise(bd_newton_system *system, const bd_plan *plan, const double *y) {
   const bd_layout *lay = &plan->model->lay;
@@ -69,8 +68,7 @@ static void nodes_linearise(bd_newton_system *system, const bd_plan *plan, const
   for (int j = 0; j < lay->np; ++j) {
     at->contact_pulleys[j] = plan->contact_pulleys[j];
     at->contact_pulleys[j].omega = y[lay->rim[j]];
-    at->n_runs[j] = plan->search.n_runs[j];
-    memcpy(runs_of(system, j), bd_runs_of(plan, j), (size_t)at->n_runs[j] * sizeof *at->runs);
+    at->n_runs[j] = bd_search_near(plan, y, j, at->ahead, runs_of(system, j));
   }
 }
 

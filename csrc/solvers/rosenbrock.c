@@ -20,7 +20,7 @@ int bd_rosenbrock_attempt(bd_stepper *stepper, double h, double *error) {
   const bd_kernels *kernels = stepper->plan.kernels;
   double **u = stepper->stage + 1, scaled[BD_MAX_STAGES];
   const double *a = m->a, *c = m->c, one = 1.0;
-  int code = bd_implicit_linearise(stepper);
+  int code = bd_implicit_linearise(stepper, 0.0);
   if (code == BD_OK) {
     code = bd_implicit_torque_by_time(stepper, h, 1);
   }

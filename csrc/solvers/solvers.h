@@ -277,8 +277,9 @@ void bd_stepper_copy(bd_stepper *to, const bd_stepper *from);
 
 /* --- implicit.c ------------------------------------------------------------------------------ */
 
-/* Evaluates the Jacobian at y, and the rate, unless they are known. */
-int bd_implicit_linearise(bd_stepper *stepper);
+/* Evaluates the Jacobian at y, and the rate, unless they are known; of contact that comes about
+ * while links go as far as `ahead`, too. */
+int bd_implicit_linearise(bd_stepper *stepper, double ahead);
 /* The set torques' change with time: over the step of length h, or at its start; and factor times
  * what it means for the pulleys, added to c. */
 int bd_implicit_torque_by_time(bd_stepper *stepper, double h, int at_start);
