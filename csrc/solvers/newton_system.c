@@ -353,13 +353,14 @@ void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, doub
   }
 }
 
-/* Solutions do not move what stands behind the last node in a state, by rounding either, which
- * differences of states over a step's length make grow. */
+/* Solutions do not move what stands behind the last node in a state, down to the end of its last
+ * vector: differences of states over a step's length make it grow without end. */
 static void nodes_restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
   bd_newton_restore(system, plan, c);
   const bd_layout *lay = &plan->model->lay;
+  const int n = lay->n;
   for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
-    v[lay->n] = 0.0;
+    memset(v + n, 0, (size_t)(lay->stride - BD_HALO - n) * sizeof *v);
   }
 }
 
