@@ -119,8 +119,10 @@ def test_drives_that_do_not(name: str, method: str, rtol: float) -> None:
 
 @cache
 def harmless(rtol: float = 1e-4, method: str = "auto") -> bd.Result:
-    """Links that come and go four times as often as the belt brings them, at 15 m/s."""
-    belt = {"n_bodies": 80, "linear_density": 0.1, "axial_stiffness": 70e3, "axial_damping": 1.4}
+    """Links that come and go four times as often as the belt brings them, at 15 m/s; none of 100
+    loads that differ by 1e-6 N m grows. With a damping of 1.4 N s one in twenty does.
+    """
+    belt = {"n_bodies": 80, "linear_density": 0.1, "axial_stiffness": 70e3, "axial_damping": 2.0}
     params = bd.Params(
         belt=bd.Belt(preload=300.0, **belt),
         pulleys=[
