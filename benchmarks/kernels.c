@@ -175,7 +175,7 @@ static void row_factor(bench *b) {
 /* The parts of the linear systems that the friction law decides. */
 static void row_add_contact(bench *b) {
   const bd_newton_system *system = &b->newton;
-  const bd_fill fill = {b->y, system->stage.g, 0.0, NULL};
+  const bd_fill fill = {b->y, system->g, 0.0, NULL};
   for (int j = 0; j < b->model->lay.np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     sink += system->kernels
@@ -367,8 +367,8 @@ static void open_bench(bench *b, const drive *d) {
   bd_carver carver = {0};
   bench sizes = *b;
   carve(&carver, &sizes, &torque);
-  char *block = bd_block_new(carver.used + carver.n_kept);
-  carver = (bd_carver){.base = block, .kept = block + carver.used};
+  char *block = bd_block_new(carver.used);
+  carver = (bd_carver){.base = block};
   carve(&carver, b, &torque);
   double turns;
   if (bd_state_import(model, &copy.state, b->y, &turns, &err) != BD_OK) {
