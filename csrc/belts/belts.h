@@ -34,8 +34,8 @@ void bd_contact_in_one_pass(bd_plan *plan, int j, double *y, double *dy, bd_sums
 
 double bd_nodes_joints(bd_plan *plan, double *y, double *dy);
 void bd_nodes_fall(const bd_plan *plan, double *dy);
-void bd_nodes_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-double bd_nodes_stored(const bd_plan *plan, const double *y, const bd_joint *joints);
+void bd_nodes_energy(const bd_plan *plan, const double *y, const bd_joint *joints,
+                     double terms[BD_N_ENERGY]);
 int bd_nodes_turns(const bd_plan *plan, const double *y, int j);
 
 /* --- touches.c: contact at nodes ---------------------------------------------------------------
@@ -54,7 +54,7 @@ extern const bd_newton_belt bd_newton_nodes; /* solvers/newton_system.c */
   .list = bd_search_ready, .begin = bd_plan_assign_contacts, .after_step = bd_contact_after_step,  \
   .push = bd_nodes_push, .contact_outputs = bd_nodes_contact_outputs,                              \
   .rounding = bd_nodes_rounding, .off_line = bd_nodes_off_line, .energy = bd_nodes_energy,         \
-  .stored = bd_nodes_stored, .turns = bd_nodes_turns
+  .turns = bd_nodes_turns
 
 /* --- links.c: rigid links -------------------------------------------------------------------- */
 

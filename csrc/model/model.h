@@ -206,9 +206,9 @@ struct bd_belt_model {
   /* By how much friction without a state, all of a pulley's, leaves the line from the begin of a
    * step where it is too steep for an implicit step to see it, over the tension at rest. */
   double (*off_line)(bd_plan *plan, const double *y, const double *y_new, double h);
-  /* Adds the energy of the belt to the terms; the sum of it but for contact, from its joints. */
-  void (*energy)(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-  double (*stored)(const bd_plan *plan, const double *y, const bd_joint *joints);
+  /* Adds the energy of the belt, but for contact, to the terms. */
+  void (*energy)(const bd_plan *plan, const double *y, const bd_joint *joints,
+                 double terms[BD_N_ENERGY]);
   /* Turns of the belt round the axis of pulley j, which stands where the plan has it. */
   int (*turns)(const bd_plan *plan, const double *y, int j);
   /* Sum of squares of what the joints' stretches in two states, of plans of their own whose rates

@@ -58,14 +58,20 @@ int bd_model_energy_terms(const bd_model *model, int *terms) {
   return n;
 }
 
-double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+double bd_energy(const bd_plan *plan, double t, const double *y, const bd_joint *joints,
+                 double *touched, double terms[BD_N_ENERGY]) {
+  const bd_belt_model *belt = plan->model->belt_model;
   double stored = 0.0;
   memset(terms, 0, BD_N_ENERGY * sizeof *terms);
   bd_mounts_put(plan, y);
-  plan->model->belt_model->energy(plan, y, terms);
+  bd_plan_see(plan, y);
+  belt->energy(plan, y, joints, terms);
   for (int j = 0; j < plan->model->lay.np; ++j) {
     const double omega = y[plan->model->lay.omega + j];
     terms[BD_ENERGY_kinetic] += 0.5 * plan->model->inertia[j] * omega * omega;
+    if (belt->contact_energy(plan, y, j, &terms[BD_ENERGY_contact]) && touched) {
+      touched[j] = t;
+    }
   }
   for (int e = 0; e < plan->n_effects; ++e) {
     const bd_effect *effect = plan->effects[e];
@@ -142,7 +148,8 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
   }
   if (out->energy) {
     double terms[BD_N_ENERGY], *row = out->energy + k * (size_t)plan->n_columns;
-    double total = bd_energy(plan, y, terms), supplied = y[lay->work + W_drive];
+    double total = bd_energy(plan, 0.0, y, bd_joints(plan, y, 0), NULL, terms),
+           supplied = y[lay->work + W_drive];
     for (int w = W_drive + 1; w < lay->n_work; ++w) {
       supplied -= y[lay->work + w];
     }

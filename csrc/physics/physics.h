@@ -541,7 +541,9 @@ void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, 
 double bd_losses(const bd_layout *lay, const double *y);
 /* Mean of the joint forces, tension positive. */
 double bd_mean_force(const bd_plan *plan, const double *y);
-/* E of MODEL section 7; its terms, and the works since the start. */
-double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+/* E of MODEL section 7; its terms, and the works since the start. touched (NULL: not wanted): of
+ * pulleys that the belt touches it becomes t. */
+double bd_energy(const bd_plan *plan, double t, const double *y, const bd_joint *joints,
+                 double *touched, double terms[BD_N_ENERGY]);
 
 #endif

@@ -169,7 +169,8 @@ static int start(bd_sim *sim) {
   BD_TRY(bd_motion_put(&sim->stepper.plan, sim->stepper.t, sim->stepper.y,
                        &sim->stepper.report.failure));
   double terms[BD_N_ENERGY];
-  sim->e0 = bd_energy(&sim->stepper.plan, sim->stepper.y, terms);
+  sim->e0 = bd_energy(&sim->stepper.plan, sim->stepper.t, sim->stepper.y,
+                      bd_joints(&sim->stepper.plan, sim->stepper.y, 0), NULL, terms);
   bd_guard_begin(sim);
   while (sim->next_sample < sim->n_samples && sim->t_sample[sim->next_sample] <= sim->stepper.t) {
     BD_TRY(sample(sim, sim->stepper.t, sim->stepper.y));

@@ -82,28 +82,10 @@ int bd_guard_initial(const bd_plan *plan, const double *y, bd_error *err, double
  * joint; and when each pulley was last touched. */
 static double survey(bd_sim *sim, double *gap, int *link) {
   const bd_plan *plan = &sim->stepper.plan;
-  const bd_model *model = sim->stepper.model;
-  const bd_layout *lay = &model->lay;
   const bd_joint *joints = bd_joints(plan, sim->stepper.y, 1);
-  double energy = model->belt_model->stored(plan, sim->stepper.y, joints);
-  bd_mounts_put(plan, sim->stepper.y);
-  bd_plan_see(plan, sim->stepper.y);
-  for (int j = 0; j < lay->np; ++j) {
-    double omega = sim->stepper.y[lay->omega + j];
-    energy += 0.5 * model->inertia[j] * omega * omega;
-    if (model->belt_model->contact_energy(plan, sim->stepper.y, j, &energy)) {
-      sim->guard.touched[j] = sim->stepper.t;
-    }
-  }
-  double terms[BD_N_ENERGY] = {0.0};
-  double stored = 0.0;
-  for (int e = 0; e < plan->n_effects; ++e) {
-    if (plan->effects[e]->store) {
-      plan->effects[e]->energy(plan, sim->stepper.y, terms);
-      stored += terms[plan->effects[e]->store];
-    }
-  }
-  energy += terms[BD_ENERGY_kinetic] + stored + terms[BD_ENERGY_gravity];
+  double terms[BD_N_ENERGY];
+  const double energy =
+      bd_energy(plan, sim->stepper.t, sim->stepper.y, joints, sim->guard.touched, terms);
   *gap = widest_gap(plan, joints, link);
   return energy;
 }

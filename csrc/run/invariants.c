@@ -113,7 +113,7 @@ static int check_touch(bd_sim *sim, int j) {
 
 /* Whether the belt's nodes move with it, so that they come to pulleys and leave them. */
 static int has_nodes(const bd_sim *sim) {
-  return sim->stepper.model->belt_model->distances != NULL;
+  return bd_has_field(&sim->stepper.model->lay, F_X);
 }
 
 static int check_friction(bd_sim *sim) {
