@@ -73,8 +73,8 @@ class Axial:
     sink: Array  # d, arcs
     slid: Array  # w, nodes: v less V.t
     pressing: Array  # H of all cells
-    share: Array  # W, arcs
-    normal: Array  # N, arcs
+    share: Array  # W at both ends of the cells on arcs (..., 2, N_arc)
+    normal: Array  # N of both ends
     static: Array  # A_n(H) of the spans (..., n_p, K)
     path: Array  # X + E of the spans
 
@@ -433,7 +433,7 @@ class Ale:
         centrifugal = self.linear_density * mean**2 / stretch[..., arcs]
         pressing[..., arcs] = tension[..., arcs] - centrifugal
         share = self.boundary(pressing_span, geo.wrap)
-        normal = np.maximum(0.0, pressing[..., arcs]) * angle * share
+        normal = 0.5 * (np.maximum(0.0, pressing[..., arcs]) * angle)[..., None, :] * share
         return Axial(
             length=length, stretch=stretch, at_node=at_node, elastic=elastic, tension=tension,
             flow=past / at_node, past=past, sink=sink, slid=slid, pressing=pressing,
@@ -441,10 +441,12 @@ class Ale:
         )  # fmt: skip
 
     def boundary(self, pressing: Array, wrap: Array) -> Array:
-        """W of the cells on arcs, from H of the spans: both ends of a wrap carry nothing. [3]"""
+        """W at both ends of the cells on arcs (..., 2, N_arc), from H of the spans: the ends of a
+        wrap carry nothing. Load and its first moment are kept in each cell. [3]
+        """
         ei = self.bending_stiffness
         if ei == 0.0 or not self.boundary_layers:
-            return np.ones((*pressing.shape[:-1], len(self.arcs)))
+            return np.ones((*pressing.shape[:-1], 2, len(self.arcs)))
         reach = np.sqrt(ei / np.maximum(pressing, SLOPES[0] * self.h_0))
         of = self.arc_pulley
         whole = (self.radii * wrap)[..., of]
@@ -453,17 +455,30 @@ class Ale:
         l_in, l_out = np.where(over, 0.45 * whole, l_in), np.where(over, 0.45 * whole, l_out)
         beta = (self.contact[1] / (4.0 * ei)) ** 0.25
 
-        def phi(x: Array) -> Array:
-            x = beta * np.maximum(x, 0.0)
-            return 1.0 - np.exp(-x) * (np.cos(x) - np.sin(x))
+        b = whole - l_out
 
-        def carried(s: Array) -> Array:
-            inner = np.clip(s, l_in, whole - l_out)
-            return inner + l_in * phi(s - l_in) - l_out * phi(whole - l_out - s)
+        def past(x: Array) -> tuple[Array, Array]:
+            """phi and its integral."""
+            x = np.maximum(x, 0.0)
+            fades = np.exp(-beta * x)
+            sine, cosine = np.sin(beta * x), np.cos(beta * x)
+            return 1.0 - fades * (cosine - sine), x - fades * sine / beta
 
-        first = self.fraction[self.arcs]
-        part = 1.0 / self.on[of]
-        share = (carried((first + part) * whole) - carried(first * whole)) / (part * whole)
+        def carried(s: Array) -> tuple[Array, Array]:
+            """What is carried from the start to s, as a length, and its integral."""
+            first, last = past(s - l_in), past(b - s)
+            sums = np.where(s < l_in, l_in * s, 0.5 * (s**2 + l_in**2))
+            sums = np.where(s > b, b * s + 0.5 * (l_in**2 - b**2), sums)
+            return (
+                np.clip(s, l_in, b) + l_in * first[0] - l_out * last[0],
+                sums + l_in * first[1] + l_out * last[1],
+            )
+
+        part = whole / self.on[of]
+        begin = self.fraction[self.arcs] * whole
+        (c_0, sum_0), (c_1, sum_1) = carried(begin), carried(begin + part)
+        mean = (sum_1 - sum_0) / part
+        share = 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2) / part[..., None, :]
         return np.maximum(share, 0.0)
 
     # ---- [4] friction --------------------------------------------------------------------------
@@ -477,7 +492,7 @@ class Ale:
         rim = (self.sense * self.s * omega)[..., of] * rho
         slip = ax.slid[..., nodes] - rim[..., None, :]
         force, rate = np.zeros_like(slip), np.zeros_like(z)
-        per_metre = ax.normal / m
+        per_metre = 2.0 * ax.normal / m[..., None, :]
         carry = 0.5 * (ax.flow[..., nodes[0]] + ax.flow[..., nodes[1]])
         for j, law in enumerate(self.friction):
             if law is None:
@@ -488,13 +503,13 @@ class Ale:
                 state = z_j[..., :, side, :] if isinstance(law, MaxwellSlip) else z_j[..., 0, side, :]
                 if isinstance(law, MaxwellSlip):
                     state = state[..., : law.n_states, :]
-                args = state, slip[..., side, on], per_metre[..., on], 1.0
+                args = state, slip[..., side, on], per_metre[..., side, on], 1.0
                 force[..., side, on] = law.force(*args) * 0.5 * m[..., on]
                 if isinstance(law, Stateless):
                     continue
                 own = law.rate(*args)
                 if isinstance(law, Dahl | LuGre):
-                    own = own * (ax.share[..., on] > 0.0)
+                    own = own * (ax.share[..., side, on] > 0.0)
                 rate[..., : law.n_states, side, on] = (
                     own if isinstance(law, MaxwellSlip) else own[..., None, :]
                 )
