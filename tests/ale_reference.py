@@ -337,14 +337,14 @@ class Ale:
     # ---- [2] tension, flow, normal force -----------------------------------------------------
 
     def _arc_cells(self, m: Array, angle: Array, slid: Array) -> tuple[Array, Array]:
-        """Depth d of the cells on arcs and their length: c1' d^2 + c2' d = (T lambda - rhoA w^2)/R."""
+        """Depth d of the cells on arcs and their length: c1' d^2 + c2' d = (T lambda - rhoA w^2)/(R - d)."""
         c1, c2 = self.contact
         ea, r, p_0 = self.axial_stiffness, self.radii[self.arc_pulley], self.compensated
         p_0 = p_0[self.arc_pulley]
         d = np.zeros_like(m)
         for _ in range(8):
             stretch = (r - d + p_0) * angle / m
-            pressure = (ea * (stretch - 1.0) * stretch - self.linear_density * slid**2) / r
+            pressure = (ea * (stretch - 1.0) * stretch - self.linear_density * slid**2) / (r - d + p_0)
             left = c1 * np.maximum(d, 0.0) ** 2 + c2 * d - pressure
             slope = 2.0 * c1 * np.maximum(d, 0.0) + c2 + ea * (2.0 * stretch - 1.0) * angle / m / r
             d = d - left / slope
