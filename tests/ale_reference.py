@@ -1,4 +1,4 @@
-"""The oracle of a belt that flows (ALE): its equations in plain NumPy, from csrc/MODEL_ale_draft.md.
+"""The oracle of a belt that flows (ALE) in plain NumPy, from csrc/MODEL_ale_draft.md alone.
 
 It shares no line with the C core and imports nothing of beltdyn. Symbols, sides and senses are
 those of MODEL.md; `[n]` in a comment is the section of the draft. SI units, angles in rad.
@@ -243,7 +243,8 @@ class Ale:
         x = np.zeros((len(h), self.n_p))
         if self.path_bends:
             ends = np.array([[self._end(one, r, r0) for r, r0 in
-                              zip(self.radii, self.compensated, strict=True)] for one in h])  # fmt: skip
+                              zip(self.radii, self.compensated, strict=True)]
+                             for one in h])  # fmt: skip
             x = -(ends + np.roll(ends, -1, axis=1))
         put("x_of", CubicSpline(np.log(h), x))
         put("x_sum", CubicSpline(np.log(h), x * h[:, None]).antiderivative())
@@ -339,7 +340,7 @@ class Ale:
     # ---- [2] tension, flow, normal force -----------------------------------------------------
 
     def _arc_cells(self, m: Array, angle: Array, slid: Array) -> tuple[Array, Array]:
-        """Depth d of the cells on arcs and their length: c1' d^2 + c2' d = (T lambda - rhoA w^2)/(R - d)."""
+        """Depth d and length of arcs' cells: c1' d^2 + c2' d = (T lambda - rhoA w^2)/(R - d)."""
         c1, c2 = self.contact
         ea, r, p_0 = self.axial_stiffness, self.radii[self.arc_pulley], self.compensated
         p_0 = p_0[self.arc_pulley]
@@ -489,7 +490,7 @@ class Ale:
 
     def frictions(self, y: Array, geo: Geometry, ax: Axial) -> tuple[Array, Array, Array]:
         """Forces F (..., 2, N_arc), slip velocities, rates of z."""
-        z, v, omega = self.get(y, "z"), self.get(y, "v"), self.get(y, "omega")
+        z, omega = self.get(y, "z"), self.get(y, "omega")
         m = self.get(y, "m")[..., self.arcs]
         of, nodes = self.arc_pulley, np.stack((self.arcs, self.next[self.arcs]))
         rho = (self.radii + self.compensated)[of] - ax.sink
@@ -572,7 +573,8 @@ class Ale:
         gravity = dot(self.g, geo.n)
         dp = (
             -2.0 * cc * gda
-            - ((t_s / density - c**2)[..., None] * waves**2 + self.bending_stiffness / mp * waves**4) * ab
+            - (t_s / density - c**2)[..., None] * waves**2 * ab
+            - self.bending_stiffness / mp * waves**4 * ab
             - self.bending_damping / mp * waves**4 * da
             + 2.0 * self.end_moment(span) / (span[..., None] * mp)
             + self.odd * (4.0 * gravity + 8.0 * self.sense * geo.turning * c)[..., None]
@@ -629,7 +631,7 @@ class Ale:
             [(rim * friction)[..., self.on_arc[j]].sum(axis=-1) for j in range(self.n_p)], axis=-1
         )
         of_belt = self.sense * self.s * of_belt
-        q, dq, zeta = (self.get(y, name) for name in ("q", "dq", "zeta"))
+        dq = self.get(y, "dq")
         carrier = np.zeros_like(omega)
         for i, j in enumerate(self.sprung):
             if self.mounts[j].carries_bearing:
@@ -732,10 +734,10 @@ class Ale:
             lost = lost + one.lost(travel, rate, share)
         for k in range(self.n_p):
             for x, j in enumerate((k, (k + 1) % self.n_p)):
-                for w, l in enumerate((k, (k + 1) % self.n_p)):
-                    if j in self.sprung and l in self.sprung:
+                for w, other in enumerate((k, (k + 1) % self.n_p)):
+                    if j in self.sprung and other in self.sprung:
                         part = whole[..., k] * rest[x, w] * levers[..., x, k] * levers[..., w, k]
-                        matrix[..., self.sprung.index(j), self.sprung.index(l)] += part
+                        matrix[..., self.sprung.index(j), self.sprung.index(other)] += part
         ddq = np.linalg.solve(matrix, (drives + spring)[..., None])[..., 0]
         return ddq, share_rate, lost
 
@@ -763,7 +765,6 @@ class Ale:
         # integral of stands dH is -(S/4) sum k^2 Q^2 ... / (H k^2 + EI k^4)
         stiff = h[..., None] * waves**2 + self.bending_stiffness * waves**4
         summed = summed + 0.25 * span * (ax.static**2 * stiff).sum(axis=-1)
-        t_s = ax.elastic[..., spans]
         bend = summed - h * (x - stands)
         bend = bend + 0.25 * span * (self.bending_stiffness * waves**4 * ab**2).sum(axis=-1)
         bend = bend - (self.end_moment(span) * ab).sum(axis=-1)

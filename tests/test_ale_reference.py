@@ -57,7 +57,10 @@ def tension(model: Ale, y: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize(
     ("scene", "bending", "links"),
-    [(scene_u, 0.0, 304.22), (scene_u, 0.02, 306.91), (scene_u, None, 323.33), (scene_m, None, 430.01)],
+    [
+        (scene_u, 0.0, 304.22), (scene_u, 0.02, 306.91),
+        (scene_u, None, 323.33), (scene_m, None, 430.01),
+    ],
 )  # fmt: skip
 def test_tension_at_rest_is_that_of_links(scene: Any, bending: float | None, links: float) -> None:
     """At mid span, links at 480 to 960, which differ by 0.03 N between these meshes. Of the theory
@@ -76,8 +79,8 @@ def test_tension_at_rest_is_that_of_links(scene: Any, bending: float | None, lin
 
 
 def test_modes_at_rest_are_those_of_links() -> None:
-    """U: torsion 92.5, lateral 125.2 and 128.5 Hz of 480 links, whose mesh makes 0.2 %; cells of 12.5
-    mm make 0.15 %. The aim of the model is 0.5 %.
+    """U: torsion 92.5, lateral 125.2 and 128.5 Hz of 480 links, whose mesh makes 0.2 %; cells of
+    12.5 mm make 0.15 %. The aim of the model is 0.5 %.
     """
     model = ale_of(scene_u().params)
     found, decay = runs.frequencies(model, runs.at_rest(model))
@@ -86,8 +89,8 @@ def test_modes_at_rest_are_those_of_links() -> None:
 
 
 def test_a_moving_string_has_its_frequencies() -> None:
-    """f = (c_w^2 - v^2) / (2 S c_w). Of K sine modes the error falls as K^-3; K = 4 has 0.05 %, 0.17
-    % at v/c 0.3, 0.5, by Galerkin's method on its own.
+    """f = (c_w^2 - v^2) / (2 S c_w). Of K sine modes the error falls as K^-3; K = 4 has 0.05 %,
+    0.17 % at v/c 0.3, 0.5, by Galerkin's method on its own.
     """
     model = ale_of(scene_m().params, bending_stiffness=0.0, n_modes=4, cell=0.05, least=4)
     for share, error in ((0.3, 6e-4), (0.5, 2e-3)):
@@ -103,7 +106,7 @@ def test_a_moving_string_has_its_frequencies() -> None:
 
 
 def dahl_creep(torque: float, flow: float, mu: float, sigma: float) -> tuple[float, float]:
-    """Slack tension and creep of M with rigid pulleys and EI = 0, steady, by equations along a wrap:
+    """Slack tension and creep of M with rigid pulleys and EI = 0, by equations along a wrap:
     dT - rhoA J dv = z H dphi and J dz/dX = G(z, v - rim).
     """
 
@@ -138,8 +141,8 @@ def dahl_creep(torque: float, flow: float, mu: float, sigma: float) -> tuple[flo
 @pytest.mark.parametrize("speed", [3.77, 314.0])
 def test_creep_of_dahl_friction_is_that_of_theory(speed: float) -> None:
     """60 N m on M, rigid pulleys. Cells of 15.7 mm are a third of the length in which bristles
-    build up, sqrt(EA / (sigma H / R)) = 40 mm: (1/3)^2 / 12 of the 300 N that friction takes is 1 %, seen
-    0.2 % (slow: 151.490 of 151.773 N) and a quarter of it with half the cells.
+    build up, sqrt(EA / (sigma H / R)) = 40 mm: (1/3)^2 / 12 of the 300 N that friction takes is 1 %,
+    seen 0.2 % (slow: 151.490 of 151.773 N) and a quarter of it with half the cells.
     """
     gain = 60.6 / speed
 
