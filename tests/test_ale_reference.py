@@ -141,7 +141,7 @@ def dahl_creep(torque: float, flow: float, mu: float, sigma: float) -> tuple[flo
 @pytest.mark.parametrize("speed", [3.77, 314.0])
 def test_creep_of_dahl_friction_is_that_of_theory(speed: float) -> None:
     """60 N m on M, rigid pulleys. Cells of 15.7 mm are a third of the length in which bristles
-    build up, sqrt(EA / (sigma H / R)) = 40 mm: (1/3)^2 / 12 of the 300 N that friction takes is 1 %,
+    build up, sqrt(EA / (sigma H / R)) = 40 mm: (1/3)^2 / 12 of the 300 N of friction is 1 %,
     seen 0.2 % (slow: 151.490 of 151.773 N) and a quarter of it with half the cells.
     """
     gain = 60.6 / speed
