@@ -1,0 +1,201 @@
+"""Starts, Jacobian, natural frequencies and runs of the oracle of the flowing belt."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.integrate
+import scipy.linalg
+import scipy.optimize
+from ale_reference import Ale
+from reference_friction import Array, Dahl, LuGre
+
+
+def scales(model: Ale) -> Array:
+    """Size of each unknown by which differences and errors are measured (FLOWING section 3)."""
+    wave = np.sqrt(model.axial_stiffness * model.linear_density)
+    speed = model.h_0 / wave
+    y = model.pack()
+    geo = model.geometry(0.0, model.pack(q=model.q_0))
+    m = np.empty(model.n)
+    m[model.spans] = geo.span
+    of = model.arc_pulley
+    m[model.arcs] = (model.radii * geo.wrap / model.on)[of]
+    z = np.ones((model.n_z, 2, len(model.arcs)))
+    for j, law in enumerate(model.friction):
+        if law is not None and not isinstance(law, Dahl | LuGre):
+            z[..., model.on_arc[j]] = np.reshape(law.scale(model.h_0 / model.radii[j]), (-1, 1, 1))
+    lateral = np.sqrt(model.h_0 / model.linear_density)
+    a = 1e-3 * geo.span[:, None] * np.ones(model.n_modes)
+    lever = [float(np.hypot(*model.mounts[j].lever(0.0, model.centers[j]))) for j in model.sprung]
+    lever = np.array(lever)
+    length = float(m.sum())
+    y = model.pack(
+        m=m * model.h_0 / model.axial_stiffness, v=speed, z=z, a=a,
+        p=a * np.pi / geo.span[:, None] * lateral, theta=speed / model.radii * 1e-2,
+        omega=speed / model.radii, zeta=1.0, works=1.0,
+    )  # fmt: skip
+    if model.n_m:
+        y = y + model.pack(q=1e-3 * length / lever, dq=speed / lever)
+    return y
+
+
+def jacobian(model: Ale, t: float, y: Array, central: bool = False, eps: float = 1e-6) -> Array:
+    """df/dy by differences, all columns in one call."""
+    h = eps * scales(model)
+    step = np.diag(h)
+    up = model.rate(t, y + step)
+    down = model.rate(t, y - step) if central else model.rate(t, y)
+    return ((up - down) / ((2.0 if central else 1.0) * h)[:, None]).T
+
+
+def at_rest(model: Ale) -> Array:
+    """Everything stands, friction forgotten: one force H along the belt, mounts in balance."""
+    return at_speed(model, 0.0)
+
+
+def lay(model: Ale, h: float, flow: float, q: Array) -> Array:
+    """The belt with this force H in its spans and this flow, v = J lambda, without friction."""
+    y = model.pack(q=q)
+    geo = model.geometry(0.0, y)
+    ea, rho, of = model.axial_stiffness, model.linear_density, model.arc_pulley
+    m, v = np.empty(model.n), np.empty(model.n)
+    stretch = 1.0 + h / ea
+    for _ in range(50):  # T = H + rhoA J^2 lambda
+        stretch = 1.0 + (h + rho * flow**2 * stretch) / ea
+    force = np.full(model.n_p, h)
+    x, _ = model.run_off(force, geo.span)
+    m[model.spans] = (geo.span + x) / stretch
+    angle = (geo.wrap / model.on)[of]
+    # on an arc EA (lambda - 1) + EI theta'^2 / (2 m^2 lambda~) - rhoA J^2 lambda is that of a span
+    low = np.full(len(of), stretch)
+    r = (model.radii + model.compensated)[of]
+    bends = 0.5 * model.bending_stiffness
+    cells = r * angle / low
+    for _ in range(50):
+        _, length = model._arc_cells(cells, angle, flow * low)
+        at_end = 0.5 * (stretch + low)  # lambda of the node between span and arc
+        tension = h + rho * flow**2 * low - bends * (angle / cells) ** 2 / at_end
+        # node equation: EA (low^2 - stretch^2)/2 / at_end = EA (low - stretch)
+        low = 1.0 + tension / ea
+        cells = length / low
+    m[model.arcs] = cells
+    v[:] = flow * stretch
+    lam = np.empty(model.n)
+    lam[model.spans], lam[model.arcs] = stretch, low
+    v = flow * 0.5 * (lam + lam[model.before])
+    a = model.rest_modes(force, geo.span) - model.offset(geo.span)
+    return model.pack(m=m, v=v, a=a, q=q)
+
+
+def at_speed(model: Ale, speed: float, pulley: int = 0) -> Array:
+    """The belt runs, sum of m its length, mounts in balance; pulleys turn with it. omega [rad/s]"""
+    sense = model.sense * model.s[pulley]
+
+    def state(unknown: Array) -> Array:
+        h, flow = model.h_0 * unknown[0], unknown[1]
+        return lay(model, h, flow * wave, model.q_0 + unknown[2:] * unit)
+
+    lever = [float(np.hypot(*model.mounts[j].lever(0.0, model.centers[j]))) for j in model.sprung]
+    unit = 1e-3 * model.length / np.array(lever) if lever else np.zeros(0)
+    wave = np.sqrt(model.h_0 / model.linear_density)
+    rows = model.layout["dq"][0]
+
+    def misfit(unknown: Array) -> Array:
+        y = state(unknown)
+        y = turning(model, y)
+        omega = model.get(y, "omega")
+        short = (model.get(y, "m").sum() / model.length - 1.0) * model.axial_stiffness / model.h_0
+        fast = (omega[pulley] - speed) * model.radii[pulley] / wave
+        balance = model.rate(0.0, y)[rows]
+        inertia = np.array([model.mounts[j].moved for j in model.sprung])
+        return np.concatenate(([short, fast], balance * inertia / (model.h_0 * np.array(lever))))
+
+    first = np.concatenate(([1.0, speed * model.radii[pulley] * sense / wave], np.zeros(model.n_m)))
+    found = scipy.optimize.root(misfit, first, tol=1e-13)
+    assert np.abs(misfit(found.x)).max() < 1e-9, found
+    return turning(model, state(found.x))
+
+
+def turning(model: Ale, y: Array) -> Array:
+    """With the pulleys at the speed of the belt on them, no slip."""
+    y = y.copy()
+    ax = model.axial(y, model.geometry(0.0, y))
+    rho = (model.radii + model.compensated)[model.arc_pulley] - ax.sink
+    v = 0.5 * (ax.slid + ax.slid[model.next])[model.arcs]
+    omega = [(v / rho)[model.on_arc[j]].mean() for j in range(model.n_p)]
+    y[model.layout["omega"][0]] = model.sense * model.s * np.array(omega)
+    return y
+
+
+def frequencies(
+    model: Ale, y: Array, t: float = 0.0, held: Sequence[int] = ()
+) -> tuple[Array, Array]:
+    """Eigenvalues of the Jacobian with positive imaginary part, by frequency [Hz]; their decay."""
+    jac = jacobian(model, t, y, central=True)
+    out = np.r_[model.layout["works"][0], model.layout["theta"][0]]
+    omega = np.arange(model.size)[model.layout["omega"][0]]
+    out = np.concatenate((out, omega[list(held)]))
+    keep = np.setdiff1d(np.arange(model.size), out)
+    scale = scales(model)[keep]
+    values = np.linalg.eigvals(jac[np.ix_(keep, keep)] * scale / scale[:, None])
+    values = values[values.imag > 2.0 * np.pi]
+    values = values[np.argsort(values.imag)]
+    return values.imag / (2.0 * np.pi), values.real
+
+
+def run(model: Ale, y: Array, t: Sequence[float], rtol: float = 1e-3, method: str = "BDF") -> Array:
+    """States at the times t (n_t, size) by SciPy; errors relative to `scales` times rtol."""
+    scale = scales(model)
+    scale[model.layout["works"][0]] = 1e3  # follow, do not decide
+    scale[model.layout["theta"][0]] = 1e3
+    z = model.layout["z"][0]
+    of_mounts = model.layout["q"][0].start, model.layout["zeta"][0].stop
+    assert z.stop <= of_mounts[0]
+    states, now = [y], float(t[0])
+
+    def rate(time: float, state: Array) -> Array:
+        return model.rate(time, state * scale) / scale
+
+    def slopes(time: float, state: Array) -> Array:
+        return jacobian(model, time, state * scale) * scale / scale[:, None]
+
+    found = scipy.integrate.solve_ivp(
+        rate, (now, float(t[-1])), y / scale, method=method, t_eval=list(t), jac=slopes,
+        rtol=1e-5, atol=rtol,  # newton_tol of SciPy follows from it
+    )  # fmt: skip
+    assert found.success, found.message
+    run.counts = found.nfev, found.njev, found.nlu  # type: ignore[attr-defined]
+    states = found.y.T * scale
+    for j, motion in model.motion.items():
+        states[:, model.layout["omega"][0].start + j] = [motion(one)[0] for one in t]
+    return states
+
+
+def steady(model: Ale, y: Array, first: float = 1e-3, n: int = 60, tol: float = 1e-9) -> Array:
+    """A steady state by implicit Euler, its step four times as long each time."""
+    scale = scales(model)
+    held = np.r_[model.layout["works"][0], model.layout["theta"][0]]
+    free = np.setdiff1d(np.arange(model.size), held)
+    h = first
+    for k in range(n):
+        rate = model.rate(0.0, y)[free]
+        jac = jacobian(model, 0.0, y)[np.ix_(free, free)] * scale[free] / scale[free, None]
+        step = np.linalg.solve(np.eye(len(free)) / h - jac, rate / scale[free])
+        most = np.abs(step).max()
+        y = y.copy()
+        y[free] += step * scale[free]
+        if model.n_z:  # the bound that a law gives is kept, as at the end of any step
+            z = model.get(y, "z").copy()
+            for j, law in enumerate(model.friction):
+                if law is not None and np.isfinite(law.bound):
+                    z[..., model.on_arc[j]] = np.clip(
+                        z[..., model.on_arc[j]], -law.bound, law.bound
+                    )
+            y[model.layout["z"][0]] = z.ravel()
+        h = min(h * 4.0, 1e6)
+        if most < tol and h > 1.0:
+            steady.steps = k + 1  # type: ignore[attr-defined]
+            return y
+    raise ArithmeticError(f"no steady state: last step {most:.1e}")
