@@ -1,0 +1,209 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows through a mesh which stands still (ALE).
+ */
+#include <math.h>
+#include <string.h>
+
+#include "belts/ale.h"
+
+/* --- layout ----------------------------------------------------------------------------------- */
+
+int bd_ale_cells(double arc, double longest) {
+  const int half = (int)ceil(0.5 * arc / longest);
+  return half > 3 ? 2 * half : 6;
+}
+
+/* A slab has a node and a cell to copy behind its own. */
+static int slots_of(int cells) {
+  return (cells + 3 + BD_LANES - 1) / BD_LANES * BD_LANES;
+}
+
+static void carve_slots(bd_carver *carver, double **block, int slots) {
+  double *begin = bd_carve(carver, (size_t)(BD_HALO + slots + BD_LANES), sizeof(double));
+  *block = begin ? begin + BD_HALO : NULL;
+}
+
+void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive) {
+  bd_ale_table *tables;
+  ale->np = drive->np;
+  ale->modes = drive->modes;
+  ale->slots = ale->cells = 0;
+  for (int j = 0; j < drive->np; ++j) {
+    ale->slots += slots_of(drive->pulleys[j].cells);
+    ale->cells += drive->pulleys[j].cells + 1;
+  }
+  BD_CARVE(carver, ale->arcs, drive->np);
+  BD_CARVE(carver, ale->spans, drive->np);
+  BD_CARVE(carver, tables, drive->np);
+  for (int i = 0; i < drive->np && carver->base; ++i) {
+    ale->spans[i].table = &tables[i];
+  }
+#define X(name) carve_slots(carver, &ale->name, ale->slots);
+  BD_ALE_SLOTS(X)
+#undef X
+}
+
+size_t bd_ale_state_size(const bd_ale *ale, int states) {
+  const size_t block = (size_t)(BD_HALO + ale->slots + BD_LANES);
+  return block * (size_t)(2 + 2 * states) + (size_t)(2 * ale->np * ale->modes);
+}
+
+bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block) {
+  const int stride = BD_HALO + ale->slots + BD_LANES;
+  bd_ale_state at = {.stride = stride};
+  at.m = block + BD_HALO;
+  at.v = at.m + stride;
+  at.z[0] = at.v + stride;
+  at.z[1] = at.z[0] + states * stride;
+  at.a = at.z[1] + states * stride - BD_HALO;
+  at.p = at.a + ale->np * ale->modes;
+  return at;
+}
+
+/* --- what of the path bends are worth --------------------------------------------------------- */
+
+/* Slopes of a cubic spline through values at equal distances, times the distance; its third
+ * derivative is continuous at the last knot but one of either end ("not a knot"). */
+static void lay_spline(const double *value, double *slope) {
+  enum { N = BD_ALE_KNOTS };
+  double over[N], rhs[N];
+  const double rise[2] = {value[1] - value[0], value[2] - value[1]};
+  const double last[2] = {value[N - 1] - value[N - 2], value[N - 2] - value[N - 3]};
+  over[0] = 2.0;
+  rhs[0] = 0.5 * (5.0 * rise[0] + rise[1]);
+  for (int i = 1; i < N - 1; ++i) {
+    const double pivot = 4.0 - over[i - 1];
+    over[i] = 1.0 / pivot;
+    rhs[i] = (3.0 * (value[i + 1] - value[i - 1]) - rhs[i - 1]) / pivot;
+  }
+  slope[N - 1] = (0.5 * (5.0 * last[0] + last[1]) - 2.0 * rhs[N - 2]) / (1.0 - 2.0 * over[N - 2]);
+  for (int i = N - 2; i >= 0; --i) {
+    slope[i] = rhs[i] - over[i] * slope[i + 1];
+  }
+}
+
+/* At one end of a span: delta, and what the lower tension of an arc, which here reaches to l / 2
+ * from its end, is worth. */
+static double shorter_at(const bd_ale *ale, double pull, double radius) {
+  const double stretched = pull * (1.0 + pull / ale->axial), EI = ale->bending;
+  const double depth = bd_contact_depth(ale->quadratic, ale->linear, stretched / radius);
+  const double reach = EI > 0.0 ? sqrt(EI / pull) * EI / (4.0 * ale->axial * radius * radius) : 0.0;
+  return bd_shorter_at_end(stretched, EI, radius, depth) + reach;
+}
+
+static void lay_table(const bd_ale *ale, int i, bd_ale_table *table) {
+  const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1);
+  double turned[BD_ALE_KNOTS];
+  for (int k = 0; k < BD_ALE_KNOTS; ++k) {
+    const double H = ale->rest * BD_ALE_LEAST * exp(k * knot);
+    table->value[k] = -shorter_at(ale, H, ale->arcs[i].radius) -
+                      shorter_at(ale, H, ale->arcs[ale->arcs[i].next].radius);
+    turned[k] = table->value[k] * H * knot;
+  }
+  lay_spline(table->value, table->slope);
+  /* the integral of X dH = X H du, by a spline of its own */
+  lay_spline(turned, table->per);
+  double *sum = table->sum, *slope = table->per;
+  sum[0] = 0.0;
+  for (int k = 0; k + 1 < BD_ALE_KNOTS; ++k) {
+    sum[k + 1] = sum[k] + 0.5 * (turned[k] + turned[k + 1]) + (slope[k] - slope[k + 1]) / 12.0;
+  }
+  memcpy(table->per, turned, sizeof turned);
+}
+
+/* --- make ------------------------------------------------------------------------------------- */
+
+static void make_modes(bd_ale *ale) {
+  const double third[3] = {1.0 / 3.0, 1.0 / 6.0, 1.0 / 3.0};
+  memcpy(ale->left_over, third, sizeof third);
+  for (int i = 0; i < ale->modes; ++i) {
+    const double n = i + 1, odd = i % 2 == 0 ? 1.0 : 0.0;
+    ale->odd[i] = odd / (n * BD_PI);
+    ale->parts[0][i] = 2.0 / (n * BD_PI);
+    ale->parts[1][i] = (2.0 * odd - 1.0) * ale->parts[0][i];
+    ale->left_over[0] -= 0.5 * ale->parts[0][i] * ale->parts[0][i];
+    ale->left_over[1] -= 0.5 * ale->parts[0][i] * ale->parts[1][i];
+    ale->left_over[2] -= 0.5 * ale->parts[1][i] * ale->parts[1][i];
+    for (int k = 0; k < ale->modes; ++k) {
+      const double r = k + 1;
+      ale->gyro[i][k] = (i + k) % 2 == 1 ? 4.0 * n * r / (n * n - r * r) : 0.0;
+    }
+  }
+}
+
+/* Waves of a span end in the wraps, clamped l beyond the tangent points: by their length the
+ * bending stiffness that sine modes of its own length have to have. */
+static void stiffen_modes(const bd_ale *ale, bd_ale_span *span, double length) {
+  const double EI = ale->bending, H = ale->rest, reach = sqrt(EI / H);
+  for (int n = 0; n < ale->modes; ++n) {
+    const double turns = (n + 1) * BD_PI, straight = turns / length;
+    double wave = straight;
+    for (int k = 0; k < 60; ++k) {
+      const double u = wave * reach;
+      wave = (turns + 2.0 * atan(u / sqrt(1.0 + u * u))) / (length + 2.0 * reach);
+    }
+    const double square = straight * straight;
+    span->stiff[n] = (H * (wave * wave - square) + EI * pow(wave, 4)) / (square * square);
+  }
+}
+
+static void make_arc(bd_ale *ale, const bd_ale_drive *drive, int j, int begin) {
+  bd_ale_arc *arc = &ale->arcs[j];
+  const bd_ale_pulley *pulley = &drive->pulleys[j];
+  *arc = (bd_ale_arc){
+      .begin = begin,
+      .n = pulley->cells,
+      .slots = slots_of(pulley->cells),
+      .before = (j + ale->np - 1) % ale->np,
+      .next = (j + 1) % ale->np,
+      .side = pulley->side,
+      .sense = drive->direction * pulley->side,
+      .radius = pulley->radius,
+      .raised = pulley->raised,
+      .line_radius =
+          pulley->radius + drive->bending_stiffness / (2.0 * pulley->radius * drive->rest),
+      .axis = {.c = {pulley->center[0], pulley->center[1]}},
+  };
+  if (pulley->friction) {
+    const int law = pulley->friction->law;
+    arc->friction = *pulley->friction;
+    arc->states = bd_friction_states(pulley->friction);
+    arc->held = law != BD_LAW_NONE && isfinite(bd_kernels_baseline->bound[law](pulley->friction));
+  }
+  for (int k = 0; k < arc->slots; ++k) {
+    ale->fraction[begin + k] = (double)k / arc->n;
+    ale->is_cell[begin + k] = k < arc->n ? 1.0 : 0.0;
+    ale->share_a[begin + k] = ale->share_b[begin + k] = 1.0;
+  }
+}
+
+void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
+  ale->direction = drive->direction;
+  ale->density = drive->linear_density;
+  ale->axial = drive->axial_stiffness;
+  ale->axial_damping = drive->axial_damping;
+  ale->bending = drive->bending_stiffness;
+  ale->bending_damping = drive->bending_damping;
+  ale->quadratic = drive->quadratic;
+  ale->linear = drive->linear;
+  memcpy(ale->gravity, drive->gravity, sizeof ale->gravity);
+  ale->rest = drive->rest;
+  ale->moving = drive->moving;
+  make_modes(ale);
+  for (int j = 0, begin = 0; j < ale->np; begin += ale->arcs[j++].slots) {
+    make_arc(ale, drive, j, begin);
+  }
+  for (int i = 0; i < ale->np; ++i) {
+    bd_ale_span *span = &ale->spans[i];
+    const bd_ale_arc *from = &ale->arcs[i], *to = &ale->arcs[from->next];
+    span->curvature[0] = from->side / from->radius;
+    span->curvature[1] = to->side / to->radius;
+    span->tilt = 0.5 * ale->bending * (span->curvature[0] - span->curvature[1]);
+    const double *a = from->axis.c, *b = to->axis.c;
+    const double rises = from->side * from->line_radius - to->side * to->line_radius;
+    const double apart = hypot(b[0] - a[0], b[1] - a[1]);
+    stiffen_modes(ale, span, sqrt(apart * apart - rises * rises));
+    lay_table(ale, i, (bd_ale_table *)span->table);
+  }
+}

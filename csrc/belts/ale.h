@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows: what it is made of.
+ */
+#ifndef BELTDYN_BELTS_ALE_H
+#define BELTDYN_BELTS_ALE_H
+
+#include "kernels/ale.h"
+#include "model/model.h"
+
+/* Of an arc, or its pulley. */
+typedef struct bd_ale_pulley {
+  double center[2], radius, raised; /* p0 of a compensated contact */
+  int side, cells;
+  const bd_friction *friction; /* NULL: none */
+} bd_ale_pulley;
+
+/* A drive by its data per metre of belt; its tension at rest is known. */
+typedef struct bd_ale_drive {
+  int np, modes, direction;
+  double linear_density, axial_stiffness, axial_damping, bending_stiffness, bending_damping;
+  double quadratic, linear; /* c1', c2' */
+  double gravity[2], rest;
+  int moving;
+  const bd_ale_pulley *pulleys;
+} bd_ale_drive;
+
+/* Least number of cells of an arc: parts of `longest` at the most, an even number, 6 at least. */
+int bd_ale_cells(double arc, double longest);
+void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive);
+/* Fills what has been carved. */
+void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive);
+/* Arrays of a state, or of its rates, after one another: of so many numbers. */
+size_t bd_ale_state_size(const bd_ale *ale, int states);
+bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block);
+
+#endif

@@ -1,0 +1,134 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows through a mesh which stands still (ALE): what its kernels work on.
+ *
+ * An arc and the span behind it are a slab of slots. Cell k of the arc stands in slot begin + k, k
+ * < n, the span's only cell in begin + n; node k, where cell k begins, stands in the same slot, the
+ * last one (k = n) where the arc ends and the span begins. What is behind them up to the next slab
+ * is padding: copies of the nodes and cells that follow and go before, so that a slot's neighbours
+ * are one to the left and one to the right, round the whole ring.
+ */
+#ifndef BELTDYN_ALE_H
+#define BELTDYN_ALE_H
+
+#include "kernels/kernels.h"
+
+enum { BD_ALE_MODES = 8, BD_ALE_KNOTS = 200 };
+
+/* X(H) of a span, without its part of 1/S, over log H: a cubic spline by values and slopes times
+ * the knots' distance; and its integral over H, by which energy is known. */
+typedef struct bd_ale_table {
+  double value[BD_ALE_KNOTS], slope[BD_ALE_KNOTS], sum[BD_ALE_KNOTS], per[BD_ALE_KNOTS];
+} bd_ale_table;
+
+/* The axis of a pulley at an evaluation. */
+typedef struct bd_ale_axis {
+  double c[2], v[2];
+  double known[2]; /* its acceleration but for that of the travel, */
+  double lever[2]; /* along which that moves it; 0: nothing does */
+  double omega;    /* of what the belt runs on */
+} bd_ale_axis;
+
+typedef struct bd_ale_arc {
+  int begin, n, slots; /* its first slot, its cells, slots up to the next slab */
+  int before, next;    /* pulleys */
+  int states;          /* of friction, of an end of a cell */
+  int held; /* the law's state is a coefficient, which does not change where nothing presses */
+  bd_friction friction;
+  double side, sense;                 /* s; D s: of rims along the belt */
+  double radius, line_radius, raised; /* R; R_g; depth of a compensated contact */
+  bd_ale_axis axis;
+  double wrap, cell_angle,
+      half_turn; /* of t in a cell, as it turns from end to end; -s tan of half */
+  double torque, contact_loss, slip_loss; /* on the pulley; powers */
+  /* On the axis, but for what its own acceleration adds; the belt's inertia along the lever. */
+  double force[2], inertia;
+} bd_ale_arc;
+
+/* From pulley i, by whose number it goes, to the next one. */
+typedef struct bd_ale_span {
+  /* constant */
+  double curvature[2];        /* s / R of both pulleys */
+  double tilt;                /* o H: by how much their offsets of the line differ, times H */
+  double stiff[BD_ALE_MODES]; /* EI as the modes have it, whose waves end clamped in the wraps */
+  const bd_ale_table *table;
+  /* geometry */
+  double length, rate, e[2], n[2], turning;
+  double wave[BD_ALE_MODES], moment[BD_ALE_MODES], offset[BD_ALE_MODES], moved[BD_ALE_MODES];
+  double sag; /* g.n */
+  /* tension: flow past the mesh, force, H, stretch, X + E, and 1 / (dT of what is left over) */
+  double past, elastic, pressing, stretch, path, per_slope, by_pressing;
+  double rest[BD_ALE_MODES]; /* A_n */
+  /* momentum: a', G a, a + b, p~', and sums of theirs; c' */
+  double da[BD_ALE_MODES], ga[BD_ALE_MODES], ab[BD_ALE_MODES], dp[BD_ALE_MODES];
+  double lateral, first, added, quickens, matrix[3];
+  double coupling; /* inertia by which mounts at both ends feel each other */
+} bd_ale_span;
+
+/* A block of numbers by slot each. */
+#define BD_ALE_SLOTS(X)                                                                            \
+  X(fraction)                                                                                      \
+  X(is_cell)                /* of the wrap, at nodes; 1 in cells of arcs, else 0 */                \
+      X(share_a) X(share_b) /* W at both ends of cells, frozen in a step */                        \
+      X(tx) X(ty) X(turn) X(across) X(slid) X(past) /* nodes: t, Omega, V.n, w, c */               \
+      X(flow) X(per_stretch)                        /* J, 1 / lambda */                            \
+      X(sink) X(stretch) X(elastic) X(tension)      /* cells: d, lambda, T without damping, T */   \
+      X(pressing) X(bent)                           /* H, energy of bending per metre */           \
+      X(force_a) X(force_b)                         /* of friction */                              \
+      X(carried_t) X(carried_n) X(total)            /* F (u' - u) along t, n; what moves nodes */
+
+typedef struct bd_ale {
+  int np, modes, slots, cells;
+  double direction; /* D: of numbering, +1 counter-clockwise */
+  double density, axial, axial_damping, bending, bending_damping; /* rhoA, EA, eta A, EI, eta I */
+  double quadratic, linear;                                       /* contact, per metre */
+  double gravity[2], rest;                                        /* H0 */
+  int moving; /* axes do, or may: geometry is laid anew */
+  double gyro[BD_ALE_MODES][BD_ALE_MODES], odd[BD_ALE_MODES], parts[2][BD_ALE_MODES];
+  double left_over[3]; /* of a span's consistent mass what its modes do not carry */
+  bd_ale_arc *arcs;
+  bd_ale_span *spans;
+#define X(name) double *name;
+  BD_ALE_SLOTS(X)
+#undef X
+} bd_ale;
+
+/* A state, or its rates: m, v by slot; z of both ends of cells, an element `stride` after the
+ * other; a and p by span, `modes` each. */
+typedef struct bd_ale_state {
+  double *m, *v, *z[2], *a, *p;
+  int stride;
+} bd_ale_state;
+
+typedef struct bd_ale_kernels {
+  /* In this order. Axes into geometry; tension and flow; what of the normal force acts at the ends
+   * of cells (after a step only); friction of an arc [law], which sets the rates of z; all other
+   * rates, and forces on axes. */
+  void (*place)(bd_ale *ale);
+  void (*stretch)(bd_ale *ale, const bd_ale_state *y);
+  void (*freeze)(bd_ale *ale);
+  void (*rub[BD_N_LAWS])(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy);
+  void (*move)(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy);
+} bd_ale_kernels;
+
+extern const bd_ale_kernels bd_ale_baseline;
+#ifdef BD_X86_LEVELS
+extern const bd_ale_kernels bd_ale_avx2, bd_ale_avx512;
+#endif
+
+/* X and A_n are taken between these shares of H0. */
+#define BD_ALE_LEAST 0.02
+#define BD_ALE_MOST 30.0
+
+/* A table at a place counted in knots, and its slope. */
+static inline double bd_ale_cubic(const double *value, const double *slope, double at, double *by) {
+  int i = (int)at;
+  i = i < 0 ? 0 : i > BD_ALE_KNOTS - 2 ? BD_ALE_KNOTS - 2 : i;
+  const double s = at - i, rise = value[i + 1] - value[i];
+  const double b = 3.0 * rise - 2.0 * slope[i] - slope[i + 1],
+               c = slope[i] + slope[i + 1] - 2.0 * rise;
+  *by = slope[i] + s * (2.0 * b + 3.0 * s * c);
+  return value[i] + s * (slope[i] + s * (b + s * c));
+}
+
+#endif

@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows, compiled once per instruction level: all of its rate.
+ */
+#include "kernels/ale.h"
+#include "kernels/vector.h"
+
+#include "kernels/laws.h"
+
+#include "kernels/ale_tension.h"
+
+#include "kernels/ale_friction.h"
+
+#include "kernels/ale_momentum.h"
+
+#define ALE_RUB(name, class, general, states, text) [BD_LAW_##name] = rub_##name,
+const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL) = {
+    .place = place,
+    .stretch = stretch,
+    .freeze = freeze,
+    .rub = {rub_NONE, BD_LAWS(ALE_RUB)},
+    .move = move,
+};
