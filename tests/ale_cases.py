@@ -26,7 +26,8 @@ DRIVE = (
 STATE = (
     "m", "v", "z", "a", "p", "omega", "d_m", "d_v", "d_z", "d_a", "d_p", "torque_of_belt", "W",
     "ax_tension", "ax_flow", "ax_pressing", "geo_span", "geo_wrap",
-    "geo_axis", "geo_lever", "geo_known",
+    "geo_axis", "geo_lever", "geo_known", "d_works",
+    "E_elastic", "E_contact", "E_bending", "E_kinetic", "E_lateral",
 )  # fmt: skip
 
 

@@ -94,22 +94,20 @@ static double shorter_at(const bd_ale *ale, double pull, double radius) {
 
 static void lay_table(const bd_ale *ale, int i, bd_ale_table *table) {
   const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1);
-  double turned[BD_ALE_KNOTS];
   for (int k = 0; k < BD_ALE_KNOTS; ++k) {
     const double H = ale->rest * BD_ALE_LEAST * exp(k * knot);
     table->value[k] = -shorter_at(ale, H, ale->arcs[i].radius) -
                       shorter_at(ale, H, ale->arcs[ale->arcs[i].next].radius);
-    turned[k] = table->value[k] * H * knot;
+    table->by_knot[k] = table->value[k] * H * knot;
   }
   lay_spline(table->value, table->slope);
   /* the integral of X dH = X H du, by a spline of its own */
-  lay_spline(turned, table->per);
-  double *sum = table->sum, *slope = table->per;
-  sum[0] = 0.0;
+  lay_spline(table->by_knot, table->by_slope);
+  table->sum[0] = 0.0;
   for (int k = 0; k + 1 < BD_ALE_KNOTS; ++k) {
-    sum[k + 1] = sum[k] + 0.5 * (turned[k] + turned[k + 1]) + (slope[k] - slope[k + 1]) / 12.0;
+    table->sum[k + 1] = table->sum[k] + 0.5 * (table->by_knot[k] + table->by_knot[k + 1]) +
+                        (table->by_slope[k] - table->by_slope[k + 1]) / 12.0;
   }
-  memcpy(table->per, turned, sizeof turned);
 }
 
 /* --- make ------------------------------------------------------------------------------------- */
@@ -206,4 +204,95 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
     stiffen_modes(ale, span, sqrt(apart * apart - rises * rises));
     lay_table(ale, i, (bd_ale_table *)span->table);
   }
+}
+
+/* --- energy ----------------------------------------------------------------------------------- */
+
+/* The integral of X(H) from the table's beginning, without the part of 1/S. */
+static double sum_of_x(const bd_ale *ale, const bd_ale_table *table, double h) {
+  const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
+  const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1);
+  const double at = log(fmin(fmax(h, least), most) / least) / knot;
+  const int i = at < BD_ALE_KNOTS - 2 ? (int)at : BD_ALE_KNOTS - 2;
+  const double s = at - i, first = table->by_slope[i], last = table->by_slope[i + 1];
+  const double rise = table->by_knot[i + 1] - table->by_knot[i];
+  const double b = 3.0 * rise - 2.0 * first - last, c = first + last - 2.0 * rise;
+  return table->sum[i] + s * (table->by_knot[i] + s * (0.5 * first + s * (b / 3.0 + 0.25 * s * c)));
+}
+
+/* What bending stores in a span as H changes, and in its modes. */
+static double bending_of_span(const bd_ale *ale, const bd_ale_span *span) {
+  const double h = span->pressing, S = span->length, o_0 = span->tilt / ale->rest;
+  double sum =
+      sum_of_x(ale, span->table, h) + (span->tilt * span->tilt / h + o_0 * o_0 * h) / (2.0 * S);
+  double bent = 0.0, modes = 0.0;
+  for (int n = 0; n < ale->modes; ++n) {
+    const double k2 = span->wave[n] * span->wave[n], ab = span->ab[n], a = span->rest[n];
+    bent += 0.25 * S * k2 * ab * ab;
+    sum += 0.25 * S * a * a * k2 * (h + span->stiff[n] * k2);
+    modes += 0.25 * S * span->stiff[n] * k2 * k2 * ab * ab - span->moment[n] * ab;
+  }
+  return sum - h * (span->path - bent) + modes;
+}
+
+static void energy_of_span(const bd_ale *ale, const bd_ale_state *y, int i, bd_ale_energy *sum) {
+  const bd_ale_span *span = &ale->spans[i];
+  const bd_ale_arc *from = &ale->arcs[i], *to = &ale->arcs[from->next];
+  const int k = from->begin + from->n, after = to->begin;
+  const double mass = ale->density * y->m[k], apart = y->v[after] - y->v[k];
+  const double first = ale->across[k], last = ale->across[after], c = span->past;
+  sum->bending += bending_of_span(ale, span);
+  sum->kinetic += 0.5 * mass *
+                      (ale->left_over[0] * first * first + 2.0 * ale->left_over[1] * first * last +
+                       ale->left_over[2] * last * last) -
+                  mass / 12.0 * apart * apart;
+  for (int n = 0; n < ale->modes; ++n) {
+    const double p = y->p[i * ale->modes + n] + c * span->ga[n];
+    const double slope = span->wave[n] * span->ab[n];
+    sum->lateral += 0.25 * mass * (p * p + c * c * (slope * slope - span->ga[n] * span->ga[n]));
+  }
+}
+
+bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y) {
+  bd_ale_energy sum = {.axial = 0.0};
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
+      const double strain = ale->stretch[k] - 1.0, v = y->v[k], across = ale->across[k];
+      const double mass = 0.5 * ale->density * (y->m[k] + y->m[k - 1]);
+      const double own =
+          0.5 * ale->density *
+          ((k < arc->begin + arc->n ? y->m[k] : 0.0) + (k > arc->begin ? y->m[k - 1] : 0.0));
+      sum.axial += 0.5 * ale->axial * strain * strain * y->m[k];
+      sum.kinetic += 0.5 * (mass * v * v + own * across * across);
+      if (k < arc->begin + arc->n) {
+        const double d = ale->sink[k], sunk = fmax(d, 0.0);
+        sum.contact +=
+            (ale->quadratic * sunk * sunk * sunk / 3.0 + 0.5 * ale->linear * d * d) * y->m[k];
+        sum.bending += ale->bent[k] * y->m[k];
+      }
+    }
+    energy_of_span(ale, y, j, &sum);
+  }
+  return sum;
+}
+
+/* Damping along the belt and of its spans, and friction. */
+bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y) {
+  bd_ale_losses lost = {.axial = 0.0};
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    const bd_ale_span *span = &ale->spans[j];
+    for (int k = arc->begin; ale->axial_damping > 0.0 && k <= arc->begin + arc->n; ++k) {
+      const double damped = ale->tension[k] - ale->elastic[k];
+      lost.axial += damped * damped * y->m[k] / ale->axial_damping;
+    }
+    for (int n = 0; n < ale->modes; ++n) {
+      const double k2 = span->wave[n] * span->wave[n];
+      lost.bending +=
+          0.5 * ale->bending_damping * span->length * k2 * k2 * span->da[n] * span->da[n];
+    }
+    lost.friction += arc->slip_loss;
+  }
+  return lost;
 }

@@ -34,4 +34,17 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive);
 size_t bd_ale_state_size(const bd_ale *ale, int states);
 bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block);
 
+/* At the state whose rate was the last to be evaluated: what the belt stores, and the power that it
+ * loses. */
+typedef struct bd_ale_energy {
+  double axial, contact, bending, kinetic, lateral;
+} bd_ale_energy;
+
+typedef struct bd_ale_losses {
+  double axial, bending, friction;
+} bd_ale_losses;
+
+bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y);
+bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y);
+
 #endif

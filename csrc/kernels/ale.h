@@ -18,7 +18,8 @@ enum { BD_ALE_MODES = 8, BD_ALE_KNOTS = 200 };
 /* X(H) of a span, without its part of 1/S, over log H: a cubic spline by values and slopes times
  * the knots' distance; and its integral over H, by which energy is known. */
 typedef struct bd_ale_table {
-  double value[BD_ALE_KNOTS], slope[BD_ALE_KNOTS], sum[BD_ALE_KNOTS], per[BD_ALE_KNOTS];
+  double value[BD_ALE_KNOTS], slope[BD_ALE_KNOTS];
+  double sum[BD_ALE_KNOTS], by_knot[BD_ALE_KNOTS], by_slope[BD_ALE_KNOTS]; /* and what it is of */
 } bd_ale_table;
 
 /* The axis of a pulley at an evaluation. */
@@ -68,8 +69,9 @@ typedef struct bd_ale_span {
 /* A block of numbers by slot each. */
 #define BD_ALE_SLOTS(X)                                                                            \
   X(fraction)                                                                                      \
-  X(is_cell)                /* of the wrap, at nodes; 1 in cells of arcs, else 0 */                \
-      X(share_a) X(share_b) /* W at both ends of cells, frozen in a step */                        \
+  X(is_cell) /* of the wrap, at nodes; 1 in cells of arcs, else 0 */                               \
+  X(share_a)                                                                                       \
+  X(share_b) /* W at both ends of cells, frozen in a step */                                       \
       X(tx) X(ty) X(turn) X(across) X(slid) X(past) /* nodes: t, Omega, V.n, w, c */               \
       X(flow) X(per_stretch)                        /* J, 1 / lambda */                            \
       X(sink) X(stretch) X(elastic) X(tension)      /* cells: d, lambda, T without damping, T */   \

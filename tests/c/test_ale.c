@@ -310,6 +310,12 @@ static void check_state(scene *s, int k, const bd_ale_kernels *kernels) {
   read_numbers("geo_axis", axis);
   read_numbers("geo_lever", lever);
   read_numbers("geo_known", known);
+  double works[MOST], stored[5];
+  read_numbers("d_works", works);
+  const char *const terms[] = {"E_elastic", "E_contact", "E_bending", "E_kinetic", "E_lateral"};
+  for (int e = 0; e < 5; ++e) {
+    stored[e] = read_number(terms[e]);
+  }
   read_numbers("places", places);
   for (int j = 0; j < s->np; ++j) {
     for (int x = 0; x < 2; ++x) {
@@ -320,6 +326,15 @@ static void check_state(scene *s, int k, const bd_ale_kernels *kernels) {
     }
   }
   evaluate(s, kernels, 1);
+  const bd_ale_energy has = bd_ale_energy_of(&s->ale, &s->y);
+  const double energy[5] = {has.axial, has.contact, has.bending, has.kinetic, has.lateral};
+  for (int e = 0; e < 5;
+       ++e) { /* A_n is that of the last step of the root for T, at most 1e-8 H0 before it */
+    compare(s, k, terms[e], worst(1, &energy[e], &stored[e], fmax(stored[0], stored[3])), 1e-10);
+  }
+  const bd_ale_losses lost = bd_ale_losses_of(&s->ale, &s->y);
+  const double losses[3] = {lost.axial, lost.bending, lost.friction};
+  compare(s, k, "losses", worst(3, losses, works + 1, 0.0), tolerance);
   for (int j = 0; j < s->np; ++j) {
     is[j] = s->ale.spans[j].length;
   }
