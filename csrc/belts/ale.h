@@ -44,6 +44,38 @@ typedef struct bd_ale_losses {
   double axial, bending, friction;
 } bd_ale_losses;
 
+/* --- ale_jacobian.c --------------------------------------------------------------------------- */
+
+/* What the rates of a span's ends and of its modes answer: to one more of something. */
+typedef struct bd_ale_answer {
+  double v[2], p[BD_ALE_MODES];
+} bd_ale_answer;
+
+/* To what moves its first node, its last one; to the rate of its metres. */
+enum { BD_ALE_FIRST, BD_ALE_LAST, BD_ALE_FILLS, BD_ALE_ANSWERS };
+
+/* The Jacobian of the belt's rates by the belt's unknowns; by pulley its column of the rim's speed,
+ * the row of the torque on it, and that torque by that speed. */
+typedef struct bd_ale_newton {
+  bd_ale_ring ring;
+  bd_ale_slopes slopes;
+  int states, stride;
+  int *cell_block, *cell_at, *node_block, *node_at; /* by slot: of m, which z follow; of v */
+  double *column, *row, *own;
+  bd_ale_answer (*answers)[BD_ALE_ANSWERS]; /* by span */
+} bd_ale_newton;
+
+void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale *ale, int states);
+void bd_ale_newton_make(bd_ale_newton *newton, const bd_ale *ale);
+/* At the state whose rate was the last to be evaluated. */
+void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_kernels *kernels,
+                      const bd_ale_state *y, const bd_ale_state *dy);
+/* A state, or rates, as the unknowns of the ring, and back. */
+void bd_ale_gather(const bd_ale_newton *newton, const bd_ale *ale, const bd_ale_state *y,
+                   double *x);
+void bd_ale_scatter(const bd_ale_newton *newton, const bd_ale *ale, const double *x,
+                    const bd_ale_state *y);
+
 bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y);
 bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y);
 

@@ -72,12 +72,13 @@ typedef struct bd_ale_span {
   X(is_cell) /* of the wrap, at nodes; 1 in cells of arcs, else 0 */                               \
   X(share_a)                                                                                       \
   X(share_b) /* W at both ends of cells, frozen in a step */                                       \
-      X(tx) X(ty) X(turn) X(across) X(slid) X(past) /* nodes: t, Omega, V.n, w, c */               \
-      X(flow) X(per_stretch)                        /* J, 1 / lambda */                            \
-      X(sink) X(stretch) X(elastic) X(tension)      /* cells: d, lambda, T without damping, T */   \
-      X(pressing) X(bent)                           /* H, energy of bending per metre */           \
-      X(force_a) X(force_b)                         /* of friction */                              \
-      X(carried_t) X(carried_n) X(total)            /* F (u' - u) along t, n; what moves nodes */
+  X(tx)                                                                                            \
+  X(ty) X(turn) X(across) X(slid) X(past)      /* nodes: t, Omega, V.n, w, c */                    \
+      X(flow) X(per_stretch)                   /* J, 1 / lambda */                                 \
+      X(sink) X(stretch) X(elastic) X(tension) /* cells: d, lambda, T without damping, T */        \
+      X(pressing) X(bent)                      /* H, energy of bending per metre */                \
+      X(force_a) X(force_b)                    /* of friction */                                   \
+      X(carried_t) X(carried_n) X(total)       /* F (u' - u) along t, n; what moves nodes */
 
 typedef struct bd_ale {
   int np, modes, slots, cells;
@@ -102,6 +103,32 @@ typedef struct bd_ale_state {
   int stride;
 } bd_ale_state;
 
+/* Derivatives of friction, by end of a cell: of force and of the rate of its state, elements
+ * `stride` after one another, to normal force per metre, state and slip velocity. */
+typedef struct bd_ale_slopes {
+  double *force[2], *by_normal[2], *by_slip[2];
+  double *by_state[2], *rate_by_normal[2], *rate_by_state[2], *rate_by_slip[2];
+} bd_ale_slopes;
+
+/* A block of unknowns: of the Jacobian what couples it to the block behind, to itself, to the one
+ * ahead, by rows; of its elimination D^-1, D^-1 of what is ahead and of the last block, and what
+ * that one has of it. */
+typedef struct bd_ale_block {
+  int n, at; /* unknowns, the first of them */
+  double *back, *own, *ahead;
+  double *inverse, *next, *far, *from;
+} bd_ale_block;
+
+/* The ring of blocks: a span, with both its ends; a cell of an arc and a node; the two cells in the
+ * middle of an arc with the node between. The last one stands apart as they are eliminated. */
+typedef struct bd_ale_ring {
+  int n, unknowns;
+  double g;
+  bd_ale_block *blocks;
+  double *scratch; /* 3 blocks of the largest size, and a vector */
+  int largest;
+} bd_ale_ring;
+
 typedef struct bd_ale_kernels {
   /* In this order. Axes into geometry; tension and flow; what of the normal force acts at the ends
    * of cells (after a step only); friction of an arc [law], which sets the rates of z; all other
@@ -111,6 +138,11 @@ typedef struct bd_ale_kernels {
   void (*freeze)(bd_ale *ale);
   void (*rub[BD_N_LAWS])(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy);
   void (*move)(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy);
+  /* After a rate: derivatives of friction of an arc [law]. 1 - g J: its factors, solutions. */
+  void (*slopes[BD_N_LAWS])(const bd_ale *ale, int j, const bd_ale_state *y,
+                            const bd_ale_slopes *out);
+  void (*factor)(const bd_ale_ring *ring);
+  void (*solve)(const bd_ale_ring *ring, double *x);
 } bd_ale_kernels;
 
 extern const bd_ale_kernels bd_ale_baseline;

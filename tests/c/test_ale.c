@@ -57,7 +57,9 @@ typedef struct scene {
   bd_ale_pulley pulleys[PULLEYS];
   bd_friction laws[PULLEYS];
   bd_ale ale;
-  bd_ale_state y, dy; /* in slabs */
+  bd_ale_state y, dy, scale; /* in slabs */
+  bd_ale_newton newton;
+  double *dense, *x, *up, *down, *sizes;
   void *block;
 } scene;
 
@@ -157,22 +159,41 @@ static int read_scene(scene *s) {
 
 static void make_scene(scene *s) {
   bd_carver carver = {NULL, NULL, 0, 0};
+  static bd_ale_arc arcs[PULLEYS];
+  bd_ale plain;
   for (int pass = 0; pass < 2; ++pass) {
     if (pass == 1) {
       s->block = bd_block_new(carver.used);
       carver = (bd_carver){s->block, NULL, 0, 0};
     }
-    double *states[2];
+    double *states[3];
     bd_ale_carve(&carver, &s->ale, &s->drive);
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < 3; ++k) {
       BD_CARVE(&carver, states[k], bd_ale_state_size(&s->ale, s->z_states));
     }
     if (pass == 1) {
+      bd_ale_make(&s->ale, &s->drive);
+    } else {
+      plain = s->ale;
+      plain.arcs = arcs;
+      for (int j = 0; j < s->np; ++j) {
+        arcs[j] = (bd_ale_arc){.n = s->pulleys[j].cells, .states = bd_friction_states(&s->laws[j])};
+      }
+    }
+    bd_ale_newton_carve(&carver, &s->newton, pass == 1 ? &s->ale : &plain, s->z_states);
+    const int n = s->newton.ring.unknowns;
+    BD_CARVE(&carver, s->dense, n * n);
+    BD_CARVE(&carver, s->x, n);
+    BD_CARVE(&carver, s->up, n);
+    BD_CARVE(&carver, s->down, n);
+    BD_CARVE(&carver, s->sizes, n);
+    if (pass == 1) {
+      s->scale = bd_ale_state_in(&s->ale, s->z_states, states[2]);
       s->y = bd_ale_state_in(&s->ale, s->z_states, states[0]);
       s->dy = bd_ale_state_in(&s->ale, s->z_states, states[1]);
     }
   }
-  bd_ale_make(&s->ale, &s->drive);
+  bd_ale_newton_make(&s->newton, &s->ale);
 }
 
 /* The oracle's cells are span 0, arc 1, span 1, ..., arc 0: slot of its cell c. */
@@ -227,7 +248,7 @@ static double worst(int n, const double *is, const double *due, double least) {
 }
 
 static void compare(const scene *s, int state, const char *what, double apart, double tolerance) {
-  worst_of_all = fmax(worst_of_all, apart);
+  worst_of_all = tolerance < 1e-11 ? fmax(worst_of_all, apart) : worst_of_all;
   if (!(apart <= tolerance)) {
     ++failures;
     printf("%s, state %d: %s is %.2g off\n", s->name, state, what, apart);
@@ -288,6 +309,152 @@ static void read_state(scene *s) {
 /* Tension is known to EA times rounding, 1e-16 / 5e-3 of itself; where it is EA (lambda - 1) /
  * lambda over metres and masses, noise of states of 5 % has it ten times as large. */
 static const double tolerance = 1e-12;
+
+/* --- the Jacobian ----------------------------------------------------------------------------- */
+
+/* By what differences are taken and compared. */
+static void set_scales(scene *s) {
+  const bd_ale *ale = &s->ale;
+  const double wave = sqrt(ale->axial * ale->density), H0 = ale->rest;
+  for (int j = 0; j < s->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
+      s->scale.m[k] = s->y.m[k] * H0 / ale->axial;
+      s->scale.v[k] = H0 / wave;
+      for (int e = 0; e < arc->states; ++e) {
+        const double z = arc->held ? 1.0 : H0 / arc->radius / 2e7;
+        s->scale.z[0][e * s->y.stride + k] = s->scale.z[1][e * s->y.stride + k] = z;
+      }
+    }
+    for (int n = 0; n < ale->modes; ++n) {
+      const double S = ale->spans[j].length;
+      s->scale.a[j * ale->modes + n] = 1e-3 * S;
+      s->scale.p[j * ale->modes + n] = 1e-3 * BD_PI * sqrt(H0 / ale->density);
+    }
+  }
+  bd_ale_gather(&s->newton, ale, &s->scale, s->sizes);
+}
+
+static void spread_out(const scene *s, double *dense) {
+  const bd_ale_ring *ring = &s->newton.ring;
+  const int n = ring->unknowns;
+  memset(dense, 0, (size_t)(n * n) * sizeof *dense);
+  for (int b = 0; b < ring->n; ++b) {
+    const bd_ale_block *row = &ring->blocks[b];
+    const bd_ale_block *const columns[] = {&ring->blocks[(b + ring->n - 1) % ring->n], row,
+                                           &ring->blocks[(b + 1) % ring->n]};
+    const double *const parts[] = {row->back, row->own, row->ahead};
+    for (int c = 0; c < 3; ++c) {
+      for (int i = 0; i < row->n; ++i) {
+        for (int l = 0; l < columns[c]->n; ++l) {
+          dense[(row->at + i) * n + columns[c]->at + l] = parts[c][i * columns[c]->n + l];
+        }
+      }
+    }
+  }
+}
+
+/* Rates at x, with an unknown changed; torques into `torque`. */
+static void rates_at(scene *s, const bd_ale_kernels *kernels, int u, double by, double *out,
+                     double *torque) {
+  const double kept = s->x[u];
+  s->x[u] += by;
+  bd_ale_scatter(&s->newton, &s->ale, s->x, &s->y);
+  evaluate(s, kernels, 0);
+  bd_ale_gather(&s->newton, &s->ale, &s->dy, out);
+  for (int j = 0; j < s->np; ++j) {
+    torque[j] = s->ale.arcs[j].torque;
+  }
+  s->x[u] = kept;
+}
+
+static double worst_entry;
+
+/* Against differences: of every row the largest difference over its largest entry, by sizes. What
+ * is left out is the speed's part of the cells' length. */
+static void check_jacobian(scene *s, int k, const bd_ale_kernels *kernels, double allowed) {
+  const int n = s->newton.ring.unknowns;
+  static const double EPS = 1e-5;
+  double above[PULLEYS], below[PULLEYS], most[PULLEYS] = {0.0}, off[PULLEYS] = {0.0};
+  set_scales(s);
+  bd_ale_gather(&s->newton, &s->ale, &s->y, s->x);
+  evaluate(s, kernels, 1);
+  bd_ale_linearise(&s->newton, &s->ale, kernels, &s->y, &s->dy);
+  spread_out(s, s->dense);
+  double *row_most = calloc((size_t)n, sizeof *row_most),
+         *row_off = calloc((size_t)n, sizeof *row_off);
+  int *at = calloc((size_t)n, sizeof *at);
+  for (int u = 0; u < n; ++u) {
+    const double h = EPS * s->sizes[u];
+    rates_at(s, kernels, u, h, s->up, above);
+    rates_at(s, kernels, u, -h, s->down, below);
+    for (int i = 0; i < n; ++i) {
+      const double slope = (s->up[i] - s->down[i]) / (2.0 * EPS);
+      const double apart = fabs(slope - s->dense[i * n + u] * s->sizes[u]);
+      row_most[i] = fmax(row_most[i], fabs(slope));
+      if (apart > row_off[i]) {
+        row_off[i] = apart;
+        at[i] = u;
+      }
+    }
+    for (int j = 0; j < s->np; ++j) {
+      const double slope = (above[j] - below[j]) / (2.0 * EPS);
+      off[j] = fmax(off[j], fabs(slope - s->newton.row[j * n + u] * s->sizes[u]));
+      most[j] = fmax(most[j], fabs(slope));
+    }
+  }
+  int told = 0;
+  for (int i = 0; i < n; ++i) {
+    const double apart = row_off[i] / (row_most[i] + 1e-300);
+    worst_entry = fmax(worst_entry, apart);
+    if (!(apart <= allowed)) {
+      ++failures;
+      if (told++ < 6) {
+        int rb = 0, cb = 0;
+        while (rb + 1 < s->newton.ring.n && s->newton.ring.blocks[rb + 1].at <= i)
+          ++rb;
+        while (cb + 1 < s->newton.ring.n && s->newton.ring.blocks[cb + 1].at <= at[i])
+          ++cb;
+        printf("%s, state %d: row %d.%d (of %d) column %d.%d (of %d) %.2g off of %.3g; has %g\n",
+               s->name, k, rb, i - s->newton.ring.blocks[rb].at, s->newton.ring.blocks[rb].n, cb,
+               at[i] - s->newton.ring.blocks[cb].at, s->newton.ring.blocks[cb].n, apart,
+               row_most[i], s->dense[i * n + at[i]] * s->sizes[at[i]]);
+      }
+    }
+  }
+  for (int j = 0; j < s->np; ++j) {
+    const double apart = off[j] / (most[j] + 1e-300);
+    worst_entry = fmax(worst_entry, apart);
+    if (!(apart <= allowed)) {
+      ++failures;
+      printf("%s, state %d: torque %d by the belt %.2g off\n", s->name, k, j, apart);
+    }
+  }
+  /* columns of the rims */
+  for (int j = 0; j < s->np; ++j) {
+    const double h =
+        EPS * s->ale.rest / sqrt(s->ale.axial * s->ale.density) / s->ale.arcs[j].radius;
+    double *omega = &s->ale.arcs[j].axis.omega, kept = *omega, largest = 0.0, apart = 0.0;
+    *omega = kept + h;
+    rates_at(s, kernels, 0, 0.0, s->up, above);
+    *omega = kept - h;
+    rates_at(s, kernels, 0, 0.0, s->down, below);
+    *omega = kept;
+    for (int i = 0; i < n; ++i) {
+      const double slope = (s->up[i] - s->down[i]) / (2.0 * h) / s->sizes[i];
+      apart = fmax(apart, fabs(slope - s->newton.column[j * n + i] / s->sizes[i]));
+      largest = fmax(largest, fabs(slope));
+    }
+    compare(s, k, "column of a rim", largest > 0.0 ? apart / largest : apart, allowed);
+    const double slope = (above[j] - below[j]) / (2.0 * h);
+    compare(s, k, "torque by the rim", fabs(slope - s->newton.own[j]) / (fabs(slope) + 1e-12),
+            allowed);
+  }
+  rates_at(s, kernels, 0, 0.0, s->up, above);
+  free(row_most);
+  free(row_off);
+  free(at);
+}
 
 static void check_state(scene *s, int k, const bd_ale_kernels *kernels) {
   double dm[MOST], dv[MOST], dz[MOST], da[MOST], dp[MOST], torque[MOST], share[MOST], axis[MOST];
@@ -432,6 +599,39 @@ static void time_rate(scene *s, const bd_ale_kernels *kernels) {
   slowest = fmax(slowest, best);
 }
 
+static void time_solves(scene *s) {
+  const bd_ale_kernels *const levels[] = {
+      &bd_ale_baseline,
+#ifdef BD_X86_LEVELS
+      __builtin_cpu_supports("avx2") ? &bd_ale_avx2 : &bd_ale_baseline,
+      __builtin_cpu_supports("avx512f") ? &bd_ale_avx512 : &bd_ale_baseline,
+#endif
+  };
+  for (size_t level = 0; level < sizeof levels / sizeof levels[0]; ++level) {
+    const bd_ale_kernels *kernels = levels[level];
+    double best[3] = {INFINITY, INFINITY, INFINITY};
+    s->newton.ring.g = 1e-4;
+    for (int turn = 0; turn < 20; ++turn) {
+      for (int what = 0; what < 3; ++what) {
+        const double begin = now();
+        for (int k = 0; k < 100; ++k) {
+          if (what == 0) {
+            bd_ale_linearise(&s->newton, &s->ale, kernels, &s->y, &s->dy);
+          } else if (what == 1) {
+            kernels->factor(&s->newton.ring);
+          } else {
+            memcpy(s->x, s->up, (size_t)s->newton.ring.unknowns * sizeof *s->x);
+            kernels->solve(&s->newton.ring, s->x);
+          }
+        }
+        best[what] = fmin(best[what], (now() - begin) / 100.0);
+      }
+    }
+    printf("%-28s level %zu: linearise %6.0f, factor %6.0f, solve %5.0f ns\n", s->name, level,
+           1e9 * best[0], 1e9 * best[1], 1e9 * best[2]);
+  }
+}
+
 /* --- all -------------------------------------------------------------------------------------- */
 
 static const char *path;
@@ -472,9 +672,75 @@ static void rates_are_the_oracle_s(void) {
   }
 }
 
+static void jacobian_is_that_of_differences(void) {
+  static scene s;
+  file = fopen(path, "r");
+  CHECK(file != NULL);
+  while (file && read_scene(&s)) {
+    make_scene(&s);
+    worst_entry = 0.0;
+    for (int k = 0; k < s.states; ++k) {
+      check_state(&s, k, &bd_ale_baseline);
+      double fastest = 0.0;
+      for (int i = 0; i < s.ale.slots; ++i) {
+        fastest = fmax(fastest, fabs(s.y.v[i]));
+      }
+      /* of waves of stretch, whose square is EA over rhoA */
+      const double slower = fastest * sqrt(s.ale.density / s.ale.axial);
+      check_jacobian(&s, k, &bd_ale_baseline, 1e-4 + 0.3 * slower);
+    }
+    printf("%s: Jacobian %.2g\n", s.name, worst_entry);
+    bd_block_free(s.block);
+  }
+  fclose(file);
+}
+
+/* (1 - g J) x = b, by what is left, over the sum of magnitudes in each row. */
+static void solutions_leave_nothing(void) {
+  static scene s;
+  double most = 0.0;
+  file = fopen(path, "r");
+  CHECK(file != NULL);
+  while (file && read_scene(&s)) {
+    make_scene(&s);
+    for (int k = 0; k < s.states; ++k) {
+      check_state(&s, k, &bd_ale_baseline);
+      bd_ale_linearise(&s.newton, &s.ale, &bd_ale_baseline, &s.y, &s.dy);
+      spread_out(&s, s.dense);
+      set_scales(&s);
+      const int n = s.newton.ring.unknowns;
+      for (int power = -7; power <= -2; ++power) {
+        const double g = s.newton.ring.g = pow(10.0, power);
+        for (int i = 0; i < n; ++i) {
+          s.up[i] = s.x[i] = s.sizes[i] * sin(1.0 + 3.0 * i);
+        }
+        bd_ale_baseline.factor(&s.newton.ring);
+        bd_ale_baseline.solve(&s.newton.ring, s.x);
+        for (int i = 0; i < n; ++i) {
+          double left = s.up[i] - s.x[i], all = fabs(s.up[i]) + fabs(s.x[i]);
+          for (int l = 0; l < n; ++l) {
+            left += g * s.dense[i * n + l] * s.x[l];
+            all += g * fabs(s.dense[i * n + l] * s.x[l]);
+          }
+          most = fmax(most, fabs(left) / all);
+        }
+      }
+    }
+    if (timed) {
+      time_solves(&s);
+    }
+    bd_block_free(s.block);
+  }
+  fclose(file);
+  printf("left by solves: %.2g\n", most);
+  CHECK(most < 1e-9); /* no pivots are sought: some digits are lost, no more */
+}
+
 int main(int argc, char **argv) {
   path = argc > 1 ? argv[1] : "ale_cases.txt";
   timed = argc > 2;
-  static const test tests[] = {{"rates", rates_are_the_oracle_s}};
-  return run_tests(1, argv, tests, 1);
+  static const test tests[] = {{"rates", rates_are_the_oracle_s},
+                               {"jacobian", jacobian_is_that_of_differences},
+                               {"solves", solutions_leave_nothing}};
+  return run_tests(1, argv, tests, 3);
 }
