@@ -296,3 +296,77 @@ bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y) {
   }
   return lost;
 }
+
+/* --- starts ----------------------------------------------------------------------------------- */
+
+/* On an arc T + EI theta'^2 / (2 m^2 lambda~) - rhoA J^2 lambda is that of a span, lambda~ that of
+ * the node between: metres of a cell, its stretch into `stretch`, the radius on which it runs. */
+static double lay_cell(const bd_ale *ale, const bd_ale_arc *arc, double pressing, double flow,
+                       double of_span, double *stretch, double *rho) {
+  const double EA = ale->axial, square = ale->density * flow * flow;
+  double low = of_span, m = arc->cell_angle * arc->radius / low;
+  *rho = arc->radius + arc->raised;
+  for (int turn = 0; turn < 50; ++turn) {
+    const double bent = arc->cell_angle / m;
+    const double bends = ale->bending * bent * bent / (of_span + low);
+    const double tension = pressing + square * low - bends;
+    low = 1.0 + tension / EA;
+    const double pressure = (tension * low - square * low * low) / *rho;
+    const double depth = bd_contact_depth(ale->quadratic, ale->linear, fmax(0.0, pressure));
+    *rho = arc->radius + arc->raised - depth;
+    m = arc->cell_angle * *rho / low;
+  }
+  *stretch = low;
+  return m;
+}
+
+double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state *y) {
+  double stretch = 1.0, length = 0.0;
+  for (int turn = 0; turn < 50; ++turn) {
+    stretch = 1.0 + (pressing + ale->density * flow * flow * stretch) / ale->axial;
+  }
+  for (int j = 0; j < ale->np; ++j) {
+    bd_ale_arc *arc = &ale->arcs[j];
+    bd_ale_span *span = &ale->spans[j];
+    double slope, stands, falls, low, rho;
+    const double m = lay_cell(ale, arc, pressing, flow, stretch, &low, &rho);
+    const int last = arc->begin + arc->n;
+    for (int k = arc->begin; k < last; ++k) {
+      y->m[k] = m;
+      y->v[k] = flow * (k > arc->begin ? low : 0.5 * (low + stretch));
+    }
+    y->v[last] = flow * 0.5 * (low + stretch);
+    y->m[last] =
+        (span->length + bd_ale_run_off(ale, span, pressing, &slope, &stands, &falls)) / stretch;
+    for (int n = 0; n < ale->modes; ++n) {
+      y->a[j * ale->modes + n] = span->rest[n] - span->offset[n];
+      y->p[j * ale->modes + n] = span->moved[n];
+    }
+    arc->axis.omega = arc->sense * flow * low / rho;
+    length += arc->n * m + y->m[last];
+  }
+  return length;
+}
+
+/* Secants, from the tension at rest: a belt that is too short by a share has that times EA more. */
+double bd_ale_start(bd_ale *ale, double length, double speed, const bd_ale_state *y) {
+  double H = ale->rest, before = 0.0, short_before = 0.0;
+  for (int turn = 0; turn < 50; ++turn) {
+    double flow = speed;
+    for (int k = 0; k < 50; ++k) {
+      flow = speed / (1.0 + (H + ale->density * flow * speed) / ale->axial);
+    }
+    const double shorter = bd_ale_lay(ale, H, flow, y) / length - 1.0;
+    if (fabs(shorter) < 4e-16) {
+      return H;
+    }
+    const double slope = turn == 0 ? -1.0 / ale->axial : (shorter - short_before) / (H - before);
+    if (turn > 3 && !(fabs(shorter / slope) > 1e-14 * ale->rest)) {
+      return H;
+    }
+    before = H;
+    short_before = shorter;
+    H = fmax(0.5 * H, H - shorter / slope);
+  }
+  return (double)NAN;
+}

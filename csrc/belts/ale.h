@@ -34,6 +34,13 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive);
 size_t bd_ale_state_size(const bd_ale *ale, int states);
 bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block);
 
+/* A belt that runs along itself at this flow [stress-free m/s] under one force H in all spans,
+ * without friction, its pulleys with it: into y and the speeds of the arcs. Axes are placed.
+ * Returns its stress-free length. */
+double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state *y);
+/* The same of a given length, at a speed in its spans; H, NaN if none is found. */
+double bd_ale_start(bd_ale *ale, double length, double speed, const bd_ale_state *y);
+
 /* At the state whose rate was the last to be evaluated: what the belt stores, and the power that it
  * loses. */
 typedef struct bd_ale_energy {

@@ -40,38 +40,51 @@ static int unknowns_of(const bd_ale *ale, const bd_ale_arc *arc, int b) {
 
 /* The ring begins with the second block of arc 0, and ends with the first. */
 static void carve_blocks(bd_carver *carver, bd_ale_ring *ring, const bd_ale *ale) {
-  int sizes = 0, n = 0;
-  ring->largest = 3 + 2 * ale->modes;
+  int n = 0, at = 0, last = 0;
   for (int j = 0; j < ale->np; ++j) {
     n += ale->arcs[j].n;
-    ring->largest =
-        3 + 4 * ale->arcs[j].states > ring->largest ? 3 + 4 * ale->arcs[j].states : ring->largest;
   }
   ring->n = n;
+  ring->largest = 0;
   BD_CARVE(carver, ring->blocks, n);
-  BD_CARVE(carver, ring->scratch, 3 * ring->largest * ring->largest);
-  for (int j = 0, b = 0; j < ale->np; ++j) {
-    for (int k = 0; k < ale->arcs[j].n; ++k, ++b) {
-      const int at = (b + n - 1) % n, of = unknowns_of(ale, &ale->arcs[j], k);
+  for (int j = 0, b = n - 1; j < ale->np; ++j) {
+    for (int k = 0; k < ale->arcs[j].n; ++k, b = (b + 1) % n) {
+      const int of = unknowns_of(ale, &ale->arcs[j], k);
       if (carver->base) {
-        ring->blocks[at].n = of;
+        ring->blocks[b].n = of;
       }
-      sizes += of;
+      last = b == n - 1 ? of : last;
+      ring->largest = of > ring->largest ? of : ring->largest;
+      at += of;
     }
   }
-  ring->unknowns = sizes;
-  const int most = ring->largest, room = most * most;
-  double *all;
-  BD_CARVE(carver, all, 7 * room * n);
-  for (int b = 0, at = 0; b < n && carver->base; ++b) {
-    bd_ale_block *block = &ring->blocks[b];
-    double **const parts[] = {&block->back, &block->own, &block->ahead, &block->inverse,
-                              &block->next, &block->far, &block->from};
-    for (int p = 0; p < 7; ++p) {
-      *parts[p] = all + (7 * b + p) * room;
+  ring->unknowns = at;
+  at = 0;
+  BD_CARVE(carver, ring->scratch, 2 * ring->largest * ring->largest);
+  for (int j = 0, b = n - 1; j < ale->np; ++j) {
+    for (int k = 0; k < ale->arcs[j].n; ++k, b = (b + 1) % n) {
+      const int of = unknowns_of(ale, &ale->arcs[j], k);
+      const bd_ale_arc *behind = k > 0 ? &ale->arcs[j] : &ale->arcs[ale->arcs[j].before];
+      const int before = unknowns_of(ale, behind, (k + behind->n - 1) % behind->n);
+      const bd_ale_arc *ahead =
+          k + 1 < ale->arcs[j].n ? &ale->arcs[j] : &ale->arcs[ale->arcs[j].next];
+      const int after = unknowns_of(ale, ahead, k + 1 < ale->arcs[j].n ? k + 1 : 0);
+      /* back, own and ahead together, to be cleared at once */
+      double *all;
+      BD_CARVE(carver, all, of * (2 * before + 2 * of + 2 * after + 2 * last));
+      if (carver->base) {
+        bd_ale_block *block = &ring->blocks[b];
+        double **const parts[] = {&block->back,   &block->own,  &block->ahead, &block->inverse,
+                                  &block->behind, &block->next, &block->far,   &block->from};
+        const int sizes[] = {before, of, after, of, before, after, last, last};
+        for (int p = 0; p < 8; all += of * sizes[p++]) {
+          *parts[p] = all;
+        }
+      }
     }
-    block->at = at;
-    at += block->n;
+  }
+  for (int b = 0; b < n && carver->base; at += ring->blocks[b++].n) {
+    ring->blocks[b].at = at;
   }
 }
 
@@ -208,12 +221,11 @@ static void add(const filling *f, place row, place column, double value) {
     f->newton->column[column.at * ring->unknowns + block->at + row.at] += value;
     return;
   }
-  const int n = ring->blocks[column.block].n;
   const int ahead = row.block + 1 < ring->n ? row.block + 1 : 0;
   double *to = column.block == row.block ? block->own
                : column.block == ahead   ? block->ahead
                                          : block->back;
-  to[row.at * n + column.at] += value;
+  to[column.at * block->n + row.at] += value;
 }
 
 /* The torque on a pulley by an unknown. */
@@ -568,9 +580,9 @@ void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_ker
                       const bd_ale_state *y, const bd_ale_state *dy) {
   const bd_ale_ring *ring = &newton->ring;
   const filling f = {newton, ale, y, dy};
-  const size_t room = (size_t)(ring->largest * ring->largest);
-  for (int b = 0; b < ring->n; ++b) { /* back, own, ahead lie together */
-    memset(ring->blocks[b].back, 0, 3 * room * sizeof(double));
+  for (int b = 0; b < ring->n; ++b) {
+    const bd_ale_block *block = &ring->blocks[b];
+    memset(block->back, 0, (size_t)(block->inverse - block->back) * sizeof(double));
   }
   memset(newton->column, 0, (size_t)(ale->np * ring->unknowns) * sizeof(double));
   memset(newton->row, 0, (size_t)(ale->np * ring->unknowns) * sizeof(double));

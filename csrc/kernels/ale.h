@@ -11,9 +11,11 @@
 #ifndef BELTDYN_ALE_H
 #define BELTDYN_ALE_H
 
+#include <math.h>
+
 #include "kernels/kernels.h"
 
-enum { BD_ALE_MODES = 8, BD_ALE_KNOTS = 200 };
+enum { BD_ALE_MODES = 8, BD_ALE_KNOTS = 200, BD_ALE_BLOCK = 3 + 4 * BD_MAX_ELEMENTS };
 
 /* X(H) of a span, without its part of 1/S, over log H: a cubic spline by values and slopes times
  * the knots' distance; and its integral over H, by which energy is known. */
@@ -73,8 +75,13 @@ typedef struct bd_ale_span {
   X(share_a)                                                                                       \
   X(share_b) /* W at both ends of cells, frozen in a step */                                       \
   X(tx)                                                                                            \
-  X(ty) X(turn) X(across) X(slid) X(past)      /* nodes: t, Omega, V.n, w, c */                    \
-      X(flow) X(per_stretch)                   /* J, 1 / lambda */                                 \
+  X(ty)                                                                                            \
+  X(turn)                                                                                          \
+  X(across)                                                                                        \
+  X(slid)                                                                                          \
+  X(past) /* nodes: t, Omega, V.n, w, c */                                                         \
+  X(flow)                                                                                          \
+  X(per_stretch)                               /* J, 1 / lambda */                                 \
       X(sink) X(stretch) X(elastic) X(tension) /* cells: d, lambda, T without damping, T */        \
       X(pressing) X(bent)                      /* H, energy of bending per metre */                \
       X(force_a) X(force_b)                    /* of friction */                                   \
@@ -111,12 +118,12 @@ typedef struct bd_ale_slopes {
 } bd_ale_slopes;
 
 /* A block of unknowns: of the Jacobian what couples it to the block behind, to itself, to the one
- * ahead, by rows; of its elimination D^-1, D^-1 of what is ahead and of the last block, and what
- * that one has of it. */
+ * ahead, by columns; of its elimination D^-1, D^-1 of what is behind, ahead and of the last block,
+ * and what that one has of it. */
 typedef struct bd_ale_block {
   int n, at; /* unknowns, the first of them */
   double *back, *own, *ahead;
-  double *inverse, *next, *far, *from;
+  double *inverse, *behind, *next, *far, *from;
 } bd_ale_block;
 
 /* The ring of blocks: a span, with both its ends; a cell of an arc and a node; the two cells in the
@@ -124,9 +131,9 @@ typedef struct bd_ale_block {
 typedef struct bd_ale_ring {
   int n, unknowns;
   double g;
-  bd_ale_block *blocks;
-  double *scratch; /* 3 blocks of the largest size, and a vector */
   int largest;
+  bd_ale_block *blocks;
+  double *scratch; /* two blocks of the largest size */
 } bd_ale_ring;
 
 typedef struct bd_ale_kernels {
@@ -163,6 +170,29 @@ static inline double bd_ale_cubic(const double *value, const double *slope, doub
                c = slope[i] + slope[i + 1] - 2.0 * rise;
   *by = slope[i] + s * (2.0 * b + 3.0 * s * c);
   return value[i] + s * (slope[i] + s * (b + s * c));
+}
+
+/* X(H) of a span, its slope, the stretch of its resting modes, (S/4) sum k^2 A^2, and by how much
+ * that falls with H. */
+static inline double bd_ale_run_off(const bd_ale *ale, bd_ale_span *span, double h, double *slope,
+                                    double *stands, double *falls) {
+  const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
+  const double at = fmin(fmax(h, least), most), floored = fmax(h, least), S = span->length;
+  const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1), per = 1.0 / at;
+  double by;
+  double x = bd_ale_cubic(span->table->value, span->table->slope, log(at / least) / knot, &by);
+  const double o = span->tilt * per, o_0 = span->tilt / ale->rest;
+  x -= (o * o - o_0 * o_0) / (2.0 * S);
+  *slope = at == h ? by / knot * per + o * o * per / S : 0.0;
+  *stands = *falls = 0.0;
+  for (int n = 0; n < ale->modes; ++n) {
+    const double k2 = span->wave[n] * span->wave[n];
+    const double stiff = (floored + span->stiff[n] * k2) * k2;
+    const double a = span->rest[n] = span->moment[n] / (0.5 * S * stiff), square = k2 * a * a;
+    *stands += 0.25 * S * square;
+    *falls += h > least ? 0.5 * S * k2 * square / stiff : 0.0;
+  }
+  return x;
 }
 
 #endif

@@ -6,38 +6,70 @@
  */
 
 /* Of most blocks, those of a cell and a node under a law of one state. */
-enum { USUAL = 4 };
+enum { USUAL = 4, LARGEST = BD_ALE_BLOCK };
 
-/* out = (minus) a b, or adds it; a of n x k, b of k x m. */
+/* Blocks stand by columns. out = factor a b, or that is added; a of n x k, b of k x m. */
 INLINE void multiply_fixed(const int n, const int k, const int m, double factor, const double *a,
                            const double *b, double *out, const int add) {
-  for (int i = 0; i < n; ++i) {
-    for (int j = 0; j < m; ++j) {
-      double sum = 0.0;
-      for (int l = 0; l < k; ++l) {
-        sum += a[i * k + l] * b[l * m + j];
+  for (int j = 0; j < m; ++j) {
+    double sum[LARGEST];
+    for (int i = 0; i < n; ++i) {
+      sum[i] = 0.0;
+    }
+    for (int l = 0; l < k; ++l) {
+      for (int i = 0; i < n; ++i) {
+        sum[i] += a[l * n + i] * b[j * k + l];
       }
-      out[i * m + j] = add ? out[i * m + j] + factor * sum : factor * sum;
+    }
+    for (int i = 0; i < n; ++i) {
+      out[j * n + i] = add ? out[j * n + i] + factor * sum[i] : factor * sum[i];
     }
   }
 }
 
-static void multiply_any(int n, int k, int m, double factor, const double *a, const double *b,
-                         double *out, int add) {
-  multiply_fixed(n, k, m, factor, a, b, out, add);
+#if defined(__GNUC__) && !defined(BD_SCALAR)
+typedef double four __attribute__((vector_size(32)));
+
+/* The same of four rows, a column at once. */
+INLINE void multiply_four(int k, int m, double factor, const double *a, const double *b,
+                          double *out, const int add) {
+  for (int j = 0; j < m; ++j) {
+    four sum = {0.0, 0.0, 0.0, 0.0}, column;
+    for (int l = 0; l < k; ++l) {
+      memcpy(&column, a + USUAL * l, sizeof column);
+      sum += column * b[j * k + l];
+    }
+    memcpy(&column, out + USUAL * j, sizeof column);
+    sum = add ? column + factor * sum : factor * sum;
+    memcpy(out + USUAL * j, &sum, sizeof sum);
+  }
 }
+#else
+INLINE void multiply_four(int k, int m, double factor, const double *a, const double *b,
+                          double *out, const int add) {
+  multiply_fixed(USUAL, k, m, factor, a, b, out, add);
+}
+#endif
 
 INLINE void multiply(int n, int k, int m, double factor, const double *a, const double *b,
                      double *out, const int add) {
-  if (n == USUAL && k == USUAL && m == USUAL) {
-    multiply_fixed(USUAL, USUAL, USUAL, factor, a, b, out, add);
+  if (n == USUAL && k == USUAL && m == 1) {
+    multiply_four(USUAL, 1, factor, a, b, out, add);
+  } else if (n == USUAL && k == USUAL && m == USUAL) {
+    multiply_four(USUAL, USUAL, factor, a, b, out, add);
+  } else if (n == USUAL) {
+    multiply_four(k, m, factor, a, b, out, add);
   } else {
-    multiply_any(n, k, m, factor, a, b, out, add);
+    multiply_fixed(n, k, m, factor, a, b, out, add);
   }
 }
 
-/* a = a^-1, by Gauss and Jordan. */
-INLINE void invert_fixed(const int n, double *a) {
+/* a = a^-1, by Gauss and Jordan; by rows or by columns alike. */
+INLINE void invert_fixed(const int n, double *given) {
+  double usual[USUAL * USUAL], *const a = n == USUAL ? usual : given;
+  if (n == USUAL) {
+    memcpy(a, given, sizeof usual);
+  }
   for (int k = 0; k < n; ++k) {
     const double per = 1.0 / a[k * n + k];
     a[k * n + k] = 1.0;
@@ -54,17 +86,16 @@ INLINE void invert_fixed(const int n, double *a) {
       }
     }
   }
-}
-
-static void invert_any(int n, double *a) {
-  invert_fixed(n, a);
+  if (n == USUAL) {
+    memcpy(given, a, sizeof usual);
+  }
 }
 
 INLINE void invert_block(int n, double *a) {
   if (n == USUAL) {
     invert_fixed(USUAL, a);
   } else {
-    invert_any(n, a);
+    invert_fixed(n, a);
   }
 }
 
@@ -82,8 +113,8 @@ INLINE void begin_block(const bd_ale_block *block, double g, double *out) {
 static void factor(const bd_ale_ring *ring) {
   const double g = ring->g;
   const bd_ale_block *const last = &ring->blocks[ring->n - 1];
-  const int s = last->n, room = ring->largest * ring->largest;
-  double *far = ring->scratch, *from = far + room;
+  const int s = last->n;
+  double *far = ring->scratch, *from = far + ring->largest * ring->largest;
   begin_block(last, g, last->inverse);
   for (int b = 0; b < ring->n - 1; ++b) {
     const bd_ale_block *block = &ring->blocks[b];
@@ -107,63 +138,49 @@ static void factor(const bd_ale_ring *ring) {
       }
     }
     invert_block(n, block->inverse);
+    if (b > 0) {
+      multiply(n, n, block[-1].n, g, block->inverse, block->back, block->behind, 0);
+    }
     multiply(n, n, s, 1.0, block->inverse, far, block->far, 0);
     if (b < ring->n - 2) {
       multiply(n, n, block[1].n, -g, block->inverse, block->ahead, block->next, 0);
     }
-    memcpy(block->from, from, (size_t)(s * n) * sizeof *from);
+    memcpy(block->from, from, (size_t)(s * n) * sizeof from[0]);
     multiply(s, n, s, -1.0, from, block->far, last->inverse, 1);
   }
   invert_block(s, last->inverse);
 }
 
-/* out += factor a x */
-INLINE void apply_block(int n, int m, double factor, const double *a, const double *x,
-                        double *out) {
-  if (n == USUAL && m == USUAL) {
-    for (int i = 0; i < USUAL; ++i) {
-      double sum = 0.0;
-      for (int j = 0; j < USUAL; ++j) {
-        sum += a[USUAL * i + j] * x[j];
-      }
-      out[i] += factor * sum;
-    }
-    return;
-  }
-  for (int i = 0; i < n; ++i) {
-    double sum = 0.0;
-    for (int j = 0; j < m; ++j) {
-      sum += a[i * m + j] * x[j];
-    }
-    out[i] += factor * sum;
-  }
+/* out = (out +) factor a x */
+INLINE void apply_block(int n, int m, double factor, const double *a, const double *x, double *out,
+                        const int add) {
+  multiply(n, m, 1, factor, a, x, out, add);
 }
 
-/* By blocks, right-hand side in, solution out. */
+/* By blocks, right-hand side in, solution out. What depends on the block before, or behind, is one
+ * product each: the others can be done meanwhile. */
 static void solve(const bd_ale_ring *ring, double *x) {
   const bd_ale_block *const last = &ring->blocks[ring->n - 1];
   const int s = last->n;
-  double *at_last = x + last->at, *rhs = ring->scratch;
+  double *at_last = x + last->at, rhs[LARGEST];
   for (int b = 0; b < ring->n - 1; ++b) {
     const bd_ale_block *block = &ring->blocks[b];
     double *here = x + block->at;
-    if (b > 0) {
-      apply_block(block->n, block[-1].n, ring->g, block->back, x + block[-1].at, here);
-    }
     memcpy(rhs, here, (size_t)block->n * sizeof *rhs);
-    memset(here, 0, (size_t)block->n * sizeof *here);
-    apply_block(block->n, block->n, 1.0, block->inverse, rhs, here);
-    apply_block(s, block->n, -1.0, block->from, here, at_last);
+    apply_block(block->n, block->n, 1.0, block->inverse, rhs, here, 0);
+    if (b > 0) {
+      apply_block(block->n, block[-1].n, 1.0, block->behind, x + block[-1].at, here, 1);
+    }
+    apply_block(s, block->n, -1.0, block->from, here, at_last, 1);
   }
   memcpy(rhs, at_last, (size_t)s * sizeof *rhs);
-  memset(at_last, 0, (size_t)s * sizeof *rhs);
-  apply_block(s, s, 1.0, last->inverse, rhs, at_last);
+  apply_block(s, s, 1.0, last->inverse, rhs, at_last, 0);
   for (int b = ring->n - 2; b >= 0; --b) {
     const bd_ale_block *block = &ring->blocks[b];
     double *here = x + block->at;
+    apply_block(block->n, s, -1.0, block->far, at_last, here, 1);
     if (b < ring->n - 2) {
-      apply_block(block->n, block[1].n, -1.0, block->next, x + block[1].at, here);
+      apply_block(block->n, block[1].n, -1.0, block->next, x + block[1].at, here, 1);
     }
-    apply_block(block->n, s, -1.0, block->far, at_last, here);
   }
 }

@@ -143,29 +143,6 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
   }
 }
 
-/* X(H) of a span, its slope, the stretch of its resting modes, (S/4) sum k^2 A^2, and by how much
- * that falls with H. */
-INLINE double run_off(const bd_ale *ale, bd_ale_span *span, double h, double *slope, double *stands,
-                      double *falls) {
-  const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
-  const double at = fmin(fmax(h, least), most), floored = fmax(h, least), S = span->length;
-  const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1), per = 1.0 / at;
-  double by;
-  double x = bd_ale_cubic(span->table->value, span->table->slope, log(at / least) / knot, &by);
-  const double o = span->tilt * per, o_0 = span->tilt / ale->rest;
-  x -= (o * o - o_0 * o_0) / (2.0 * S);
-  *slope = at == h ? by / knot * per + o * o * per / S : 0.0;
-  *stands = *falls = 0.0;
-  for (int n = 0; n < ale->modes; ++n) {
-    const double k2 = span->wave[n] * span->wave[n];
-    const double stiff = (floored + span->stiff[n] * k2) * k2;
-    const double a = span->rest[n] = span->moment[n] / (0.5 * S * stiff), square = k2 * a * a;
-    *stands += 0.25 * S * square;
-    *falls += h > least ? 0.5 * S * k2 * square / stiff : 0.0;
-  }
-  return x;
-}
-
 /* T of a span's cell, the root of m (1 + T / EA) = S + X(H) + E, from above and by steps of H0 / 2
  * at the most, for below it there are others. */
 INLINE void stretch_span(bd_ale *ale, const bd_ale_state *y, int i) {
@@ -185,7 +162,7 @@ INLINE void stretch_span(bd_ale *ale, const bd_ale_state *y, int i) {
     double slope, stands, falls;
     const double stretch = 1.0 + t / EA;
     span->pressing = t - momentum / stretch;
-    const double x = run_off(ale, span, span->pressing, &slope, &stands, &falls);
+    const double x = bd_ale_run_off(ale, span, span->pressing, &slope, &stands, &falls);
     span->path = x + bent - stands;
     span->by_pressing = slope + falls;
     const double left = m * stretch - S - span->path;
