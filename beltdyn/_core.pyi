@@ -31,7 +31,8 @@ class BeltFacts(TypedDict):
     note: str  # on results, or empty
     mesh: str  # of Belt
     model: str  # of Belt
-    fields: tuple[str, ...]  # of its nodes, in STATE_FIELDS
+    fields: tuple[str, ...]  # of its states, in STATE_FIELDS before "theta"
+    lacks: tuple[str, ...]  # sizes of which it has no field and no output
     bends: int
     mounts: int
     tangents: int
@@ -71,11 +72,9 @@ def friction_law(
     element: int = 0,
 ) -> dict[str, NDArray[np.float64]]: ...
 def friction_states(friction: FrictionLaw) -> int: ...
-def dahl_slide(dx: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
 def span_tension(
     pulley: NDArray[np.int32], force: NDArray[np.float64], n_pulleys: int
 ) -> NDArray[np.float64]: ...
-def dahl_path(x: ArrayLike, mu0: float, mu_k: float, sigma: float) -> NDArray[np.float64]: ...
 
 #: ("piecewise", t, values) | ("viscous", coefficients) | ("function", address, user_address)
 #: | ("call", callable) | ("load", pulley, (coulomb, viscous, quadratic), factor)

@@ -30,6 +30,7 @@ __all__ = [
     "Stats",
     "absent_groups",
     "histories",
+    "lacking",
 ]
 
 
@@ -58,7 +59,7 @@ class Group:
         needed = group if group == "energy" else f"{group}.{name}"
         raise AttributeError(
             f"{group}.{name} was not asked for: run simulate with outputs=(..., {needed!r}), or "
-            "without outputs for all of them"
+            "without outputs for all that its belt has"
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -407,53 +408,60 @@ GROUPS: dict[str, type[Group]] = {
 }
 
 
+#: Group, name and size of every history but the ledger's.
+_ROWS = (
+    *((group, name, size) for name, group, size, *_ in _core.OUTPUTS if group != "energy"),
+    ("contact", "pulley", "CONTACT"),
+)
+
+
 def absent_groups(params: Any) -> set[str]:
     """Give the groups that a drive does not have."""
-    return {group for _, group, size, *_ in _core.OUTPUTS if params._having.get(size) == ()}
+    return {group for group, _, size in _ROWS if params._having.get(size) == ()}
+
+
+def lacking(params: Any) -> set[str]:
+    """Give the outputs that belts of this drive's model do not have."""
+    return {f"{row[0]}.{row[1]}" for row in _ROWS if row[2] in params._belt_facts["lacks"]}
 
 
 def histories(
     t: Array,
     arrays: Mapping[str, NDArray[Any]],
     energy_terms: Sequence[str],
-    *,
-    n_bodies: int = 0,
-    left_out: Collection[str] = (),
+    params: Any,
     names: Collection[str] | None = None,
 ) -> dict[str, Any]:
     """Give the groups by name, from what the core has sampled.
 
-    "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Of a run
-    that was asked for some outputs only, groups hold these.
+    "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Groups
+    hold what the drive's belt has and, of a run that was asked for some outputs only, these.
 
     Args:
         t: Sample times (n_t,) [s].
         arrays: ``_core.OUTPUTS`` by name, and "pulley", n_t rows each.
         energy_terms: What the columns of "energy" are.
-        n_bodies: Number of links, for the zeros of a drive without friction.
-        left_out: Groups that the drive does not have, of "mounts" and "couplings".
+        params: The drive.
         names: The outputs asked for, as "joints.force"; None: all.
 
     Raises:
         KeyError, TypeError: The core has an output for which there is no group or no field, or the
             other way round.
     """
-    columns: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
-    rows = [("pulley", "contact", "LINKS"), *(row[:3] for row in _core.OUTPUTS)]
-    for name, group, size in rows:
+    left_out, lacks = absent_groups(params), lacking(params)
+    columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in _ROWS}
+    for group, name, size in _ROWS:
         asked = names is None or f"{group}.{name}" in names
-        if not asked or group == "energy" or group in left_out:
+        if not asked or group in left_out or f"{group}.{name}" in lacks:
             continue
-        if size == "FRICTION" and name not in arrays:
-            columns[group][name] = np.broadcast_to(0.0, (t.size, n_bodies))
+        if size in ("FRICTION", "SLIPS") and name not in arrays:
+            columns[group][name] = np.broadcast_to(0.0, (t.size, params.belt.n_bodies))
         else:
             columns[group][name] = arrays[name]
     groups: dict[str, Any] = {
-        group: kind(**columns[group]) if names is None else kind._holding(columns[group])
-        for group, kind in GROUPS.items()
-        if group != "energy" and group not in left_out
+        group: None if group in left_out else GROUPS[group]._holding(found)
+        for group, found in columns.items()
     }
-    groups |= dict.fromkeys(left_out)
     groups["energy"] = None if names is None else EnergyLedger._holding({})
     if "energy" in arrays and (names is None or "energy" in names):
         power = arrays["torque"] * arrays["omega"]

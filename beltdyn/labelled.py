@@ -31,7 +31,10 @@ _DIMENSIONS = {
     "PULLEYS": ("pulley",),
     "PLANE": ("pulley", "xy"),
     "LINKS": ("link",),
+    "JOINTS": ("joint",),
+    "CONTACT": ("link",),
     "FRICTION": ("link",),
+    "SLIPS": ("link",),
     "MOUNTS": ("mount",),
     "COUPLINGS": ("coupling",),
     "SPANS": ("span",),
@@ -66,9 +69,9 @@ def mount_kinds(params: Params) -> list[str]:
     return [mount._row.name for pulley in params.pulleys if (mount := pulley.mount) is not None]
 
 
-def dimensions(name: str, size: str) -> tuple[str, ...]:
+def dimensions(size: str) -> tuple[str, ...]:
     """Give the dimensions after time of a history of this size."""
-    return ("joint",) if name.startswith("joints.") else _DIMENSIONS.get(size, ())
+    return _DIMENSIONS.get(size, ())
 
 
 def places(params: Params) -> dict[str, Sequence[Any]]:
@@ -88,7 +91,7 @@ def described() -> dict[str, tuple[str, str, str]]:
     found |= {f"{LEDGER}.{name}": ("", "J", text) for name, _, text in _core.ENERGY_TERMS}
     for name in EnergyLedger.array_names():
         found.setdefault(f"{LEDGER}.{name}", ("", "J", _TEXTS.get(f"{LEDGER}.{name}", name)))
-    found["contact.pulley"] = ("LINKS", _UNITS["contact.pulley"], _TEXTS["contact.pulley"])
+    found["contact.pulley"] = ("CONTACT", _UNITS["contact.pulley"], _TEXTS["contact.pulley"])
     found[SPANS] = ("SPANS", _UNITS[SPANS], _TEXTS[SPANS])
     return found
 
@@ -115,7 +118,7 @@ def dataset(
     variables: dict[str, Any] = {}
     for name, array in arrays.items():
         size, unit, text = rows[name]
-        own = dimensions(name, size) if array.ndim > 1 else ()
+        own = dimensions(size) if array.ndim > 1 else ()
         if size == "MOUNTS":
             unit = unit_of_mounts(unit, params)
         variables[name] = (("time", *own), array, {"units": unit, "long_name": text})

@@ -36,7 +36,7 @@ def check_samples(n_t: int, sizes: Mapping[str, int], names: Collection[str], le
     columns = sizes["ENERGY"] + _LEDGER_COPIES if ledger else 0
     widths = {**sizes, "PLANE": 2 * sizes["PLANE"], "ENERGY": columns}
     bytes_of = {name: 8 * widths[size] for name, _group, size, *_ in _core.OUTPUTS}
-    bytes_of |= {"pulley": 4 * sizes["LINKS"], "span_tension": 8 * sizes["PULLEYS"], "across": 8}
+    bytes_of |= {"pulley": 4 * sizes["CONTACT"], "span_tension": 8 * sizes["PULLEYS"], "across": 8}
     row = sum(bytes_of[name] for name in names)
     needed = n_t * row
     there = _lately(available, int(time.monotonic()))

@@ -26,7 +26,6 @@ from .histories import (
     MountHistory,
     PulleyHistory,
     Stats,
-    absent_groups,
     histories,
 )
 from .naming import span_name, with_names
@@ -142,14 +141,7 @@ class Result:
     ) -> Result:
         t = t[:samples]
         done = {name: array[:samples] for name, array in arrays.items()}
-        groups = histories(
-            t,
-            done,
-            energy_terms,
-            n_bodies=params.belt.n_bodies,
-            left_out=absent_groups(params),
-            names=outputs,
-        )
+        groups = histories(t, done, energy_terms, params, outputs)
         spans = done.get("span_tension")
         with np.errstate(all="ignore"):  # a failed run may end with huge numbers
             seen = running(params, t, done, final_state)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from . import _core, npz
 from .accuracy_report import WORDS, Accuracy, QuantityError
 from .exported import RESULTS
-from .histories import GROUPS, Stats, absent_groups
+from .histories import GROUPS, Stats, absent_groups, lacking
 from .labelled import described
 from .outputs import LEDGER, SPANS, chosen
 from .params import Params
@@ -241,14 +241,15 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     if not np.isfinite(t).all() or (np.diff(t) < 0.0).any():
         raise ValueError("t must be finite and non-decreasing")
 
-    absent = {f"energy.{name}" for name, *_ in _core.ENERGY_TERMS}
-    absent -= {f"energy.{name}" for name in params._model.energy_terms}
-    for name in sorted(absent & values.keys()):
+    without = {f"energy.{name}" for name, *_ in _core.ENERGY_TERMS}
+    without -= {f"energy.{name}" for name in params._model.energy_terms}
+    without |= lacking(params)
+    for name in sorted(without & values.keys()):
         raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
     kept = meta["outputs"]
     with_energy = any(name.startswith("energy.") for name in values) if kept is None else True
     left_out = ({"energy"} if not with_energy else set()) | absent_groups(params)
-    sizes = {size: len(pulleys) for size, pulleys in params._having.items()}
+    sizes = params._model.sizes
     rows = described()
 
     def history(group: str) -> dict[str, NDArray[Any]]:
@@ -256,13 +257,13 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         for field in GROUPS[group].array_names():
             name = f"{group}.{field}"
             asked = group if group == LEDGER else name
-            if name in absent or not (kept is None or asked in kept):
+            if name in without or not (kept is None or asked in kept):
                 if name in values:
                     raise ValueError(f"{name} does not belong there: it was not asked for")
                 continue
             kind = np.int32 if name == "contact.pulley" else np.float64
             size = rows[name][0]
-            own = () if group == LEDGER else (sizes.get(size, n_b),)
+            own = () if group == LEDGER else (sizes[size] or n_b,)  # zeros without friction
             shape = (t.size, *own, 2) if size == "PLANE" else (t.size, *own)
             arrays[field] = npz.number_array(name, values[name], kind, shape)
             beyond = not meta["success"] and (
@@ -280,13 +281,13 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     for name, size in _FINAL.items():
         if size in PARTS and sizes[size] == 0 and name not in values:
             continue  # files of earlier versions
-        shape = saved_shape(size, values[name]) if size in ROWS else (sizes.get(size, n_b),)
+        shape = saved_shape(size, values[name]) if size in ROWS else (sizes[size],)
         final[name.removeprefix("final_state.")] = npz.number_array(
             name, values[name], np.float64, shape
         )
     groups: dict[str, Any] = dict.fromkeys(GROUPS)
     for name, found in arrays.items():
-        whole = kept is None or (name == LEDGER and LEDGER in kept)
+        whole = name == LEDGER and (kept is None or LEDGER in kept)
         groups[name] = GROUPS[name](**found) if whole else GROUPS[name]._holding(found)
     if kept is not None and SPANS in kept:
         per_span = (t.size, n_p)

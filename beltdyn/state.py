@@ -26,8 +26,8 @@ RIMS = 0.01
 SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
 #: Those that can have several rows, each of all links.
 ROWS = ("STATES", "SLOTS")
-#: Which array of a size says how many values there are.
-_FIRST = {size: name for name, size in reversed(SIZES.items())} | dict.fromkeys(ROWS, "x")
+#: Which array of a size says how many values there are; of several rows the first of all.
+_FIRST = {size: name for name, size in reversed(SIZES.items())} | dict.fromkeys(ROWS, "n_bodies")
 #: Those that only some drives have.
 PARTS = tuple(size for size in _FIRST if size not in ("LINKS", "PULLEYS", *ROWS))
 
@@ -40,10 +40,12 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
         several = SIZES[name] in ROWS
 
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
-            expected = getattr(state, like).shape
+            first = getattr(state, like)
+            expected = (first,) if several else first.shape
             if value.shape[-1:] != expected:
                 raise ValueError(
-                    f"State.{name} must have shape {expected} like {like}, got {value.shape}"
+                    f"State.{name} must have shape {expected} like "
+                    f"{'x' if several else like}, got {value.shape}"
                 )
 
         return {
@@ -216,9 +218,10 @@ class State:
 
     def check_fits(self, params: Params, argument: str = "initial") -> None:
         """Raise ValueError unless the state can be one of a drive, by its shapes and clutches."""
+        sizes, lacks = params._model.sizes, params._belt_facts["lacks"]
         for name, size in SIZES.items():
-            shape, having = getattr(self, name).shape, params._having.get(size)
-            expected = (params.belt.n_bodies if having is None else len(having),)
+            shape, of_rows = getattr(self, name).shape, size in ROWS and size not in lacks
+            expected = (int(params.info["n_bodies"]) if of_rows else sizes[size],)
             if shape[-1:] != expected:
                 raise ValueError(f"{argument}.{name} must have shape {expected}, got {shape}")
         for k, windup in zip(params.coupled, self.windup, strict=True):
@@ -279,9 +282,10 @@ class State:
     def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:
         # Without friction the core has no friction state; mu and slip are zero then.
         fields = {name: state[name] for name in SIZES if np.size(state[name])}
+        n_bodies = next(iter(fields.values())).size
         for name in (name for name in fields if SIZES[name] in ROWS):
-            if fields[name].size > fields["x"].size:
-                fields[name] = fields[name].reshape(-1, fields["x"].size)
+            if fields[name].size > n_bodies:
+                fields[name] = fields[name].reshape(-1, n_bodies)
         return cls(**{"t": state["t"], **fields, **changes})
 
     def _to_core(self, params: Params) -> dict[str, Any]:

@@ -99,7 +99,8 @@ typedef struct bd_belt_facts {
   BD_BELT_FACTS(X)
 #undef X
   int mesh, model; /* of a bd_belt that asks for it: BD_MESH_..., BD_BELT_... */
-  unsigned fields; /* of BD_STATE_FIELDS, those of LINKS that its nodes have: a bit each */
+  unsigned fields; /* of BD_STATE_FIELDS, those before THETA that its states have: a bit each */
+  unsigned lacks;  /* of BD_SIZES those of which it has none: a bit each */
 } bd_belt_facts;
 
 const bd_belt_facts *bd_belt_facts_at(int row); /* BD_BELT_MODEL_...; NULL: there is none */
@@ -251,6 +252,7 @@ typedef struct bd_info {
 #define X(type, name, text) type name;
   BD_INFO(X)
 #undef X
+  unsigned lacks; /* of BD_SIZES those of which its belt has none: a bit each */
 } bd_info;
 
 void bd_model_info(const bd_model *model, bd_info *info);
@@ -647,13 +649,6 @@ typedef struct bd_law_point {
 /* l0: stress-free length of a link [m]. Checks the parameters; neither model nor belt is needed. */
 int bd_friction_evaluate(const bd_friction *friction, double l0, int element, double z, double v,
                          double normal, bd_law_point *out, bd_error *err);
-
-/* --- friction, closed form ------------------------------------------------------------------- */
-
-/* Eq. (2.9): the Dahl coefficient after sliding monotonically by dx = x - x0 from mu0. */
-double bd_dahl_slide(double dx, double mu0, double mu_k, double sigma);
-/* The same over a path x[0..n-1] with reversals anywhere: mu[k] at x[k], from mu0 at x[0]. */
-void bd_dahl_path(size_t n, const double *x, double mu0, double mu_k, double sigma, double *mu);
 
 /* --- build ----------------------------------------------------------------------------------- */
 

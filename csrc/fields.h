@@ -128,14 +128,17 @@
   X(double, implicit_cost, "CPU time of an implicit step over an explicit one, measured")
 
 /* Sizes of fields of a state and of sampled outputs: X(size, count), the count from `of`, a
- * bd_info. PLANE: of vectors (x, y); ENERGY: columns of the
- * ledger, which the drive alone does not decide. */
+ * bd_info; 0 of those that its belt lacks (bd_belt_facts). PLANE: of vectors (x, y); ENERGY:
+ * columns of the ledger, which the drive alone does not decide. */
 #define BD_SIZES(X)                                                                                \
   X(ONE, 1)                                                                                        \
   X(LINKS, of->n_bodies)                                                                           \
+  X(JOINTS, of->n_bodies)                                                                          \
+  X(CONTACT, of->n_bodies)                                                                         \
   X(SLOTS, (size_t)of->n_slots *(size_t)of->n_bodies)                                              \
   X(STATES, (size_t)(of->n_slots * of->n_states) * (size_t)of->n_bodies)                           \
   X(FRICTION, of->n_slots > 0 ? of->n_bodies : 0)                                                  \
+  X(SLIPS, of->n_slots > 0 ? of->n_bodies : 0)                                                     \
   X(PULLEYS, of->n_pulleys)                                                                        \
   X(PLANE, of->n_pulleys)                                                                          \
   X(MOUNTS, of->n_mounts)                                                                          \
@@ -214,13 +217,13 @@
   X(vx, belt, LINKS, "m/s", "velocity of the mass centre")                                         \
   X(vy, belt, LINKS, "m/s", "velocity of the mass centre")                                         \
   X(vphi, belt, LINKS, "rad/s", "angular velocity of the link")                                    \
-  X(deformation, joints, LINKS, "m", "stretch of the joint on the left of the link, along it")     \
-  X(force, joints, LINKS, "N", "force in that joint, along it, tension positive")                  \
-  X(normal, contact, LINKS, "N", "normal force on the link, N")                                    \
+  X(deformation, joints, JOINTS, "m", "stretch of the joint on the left of the link, along it")    \
+  X(force, joints, JOINTS, "N", "force in that joint, along it, tension positive")                 \
+  X(normal, contact, CONTACT, "N", "normal force on the link, N")                                  \
   X(friction, contact, FRICTION, "N", "friction force; on the link it acts along -t")              \
   X(mu, contact, FRICTION, "1", "friction coefficient, friction force over N")                     \
-  X(slip, contact, FRICTION, "m", "slip displacement since contact began")                         \
-  X(velocity, contact, LINKS, "m/s", "relative velocity v_T")                                      \
+  X(slip, contact, SLIPS, "m", "slip displacement since contact began")                            \
+  X(velocity, contact, CONTACT, "m/s", "relative velocity v_T")                                    \
   X(travel, mounts, MOUNTS, "rad or m", "from the place in the scene; of a path the time [s]")     \
   X(travel_speed, mounts, MOUNTS, "rad/s or m/s", "rate of the travel")                            \
   X(spring_force, mounts, MOUNTS, "N m or N", "of the spring, preload and weight included")        \

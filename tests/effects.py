@@ -134,5 +134,7 @@ for law_name, example in EXAMPLES.items():
         zero=lambda params: attrs.evolve(params, friction=None),
         state=1 + example.n_states,  # and the slip
         bytes=True,
-        outputs=frozenset(name for name, _, size, *_ in _core.OUTPUTS if size == "FRICTION"),
+        outputs=frozenset(
+            name for name, _, size, *_ in _core.OUTPUTS if size in ("FRICTION", "SLIPS")
+        ),
     )

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 import re
-from itertools import pairwise
 from typing import Any
 
 import attrs
@@ -17,7 +16,6 @@ import reference
 from laws import EXAMPLES, STRIBECK, scaled
 
 import beltdyn as bd
-from beltdyn import _core
 from beltdyn.arcs import in_slip
 from beltdyn.checks import Array
 
@@ -35,36 +33,22 @@ def test_published_values() -> None:
     """CHECKS section 1, seven digits: from rest, after a reversal, and of a belt slid over a locked
     drum, T2/T1 = exp(mu(x) pi).
     """
-    mu = _core.dahl_slide(np.array([1e-5, 5e-5, 1e-4, 5e-4]), 0.0, 0.8, 1e4)
+    law = bd.Dahl(mu_k=0.8, sigma=1e4)
+
+    def after(*path: float) -> float:
+        return float(law.coefficient([0.0, *path], velocity=0.1, normal=NORMAL)[-1])
+
+    mu = np.array([after(x) for x in (1e-5, 5e-5, 1e-4, 5e-4)])
     assert mu == pytest.approx([0.0940025, 0.3717909, 0.5707962, 0.7984556], abs=5e-8)
     assert np.exp(np.pi * mu) == pytest.approx([1.343553, 3.215605, 6.008704, 12.285533], rel=3e-7)
-    path = np.array([0.0, 2e-4, 2e-4 - 1.5e-4])
-    assert _core.dahl_path(path, 0.0, 0.8, 1e4)[-1] == pytest.approx(-0.5647026, abs=5e-8)
-
-
-@pytest.mark.parametrize("mu_k", [0.3, 1.0, 1e9])
-def test_closed_form_keeps_its_digits(mu_k: float) -> None:
-    """Against extended precision, from 1e-12 m, and at a mu_k where the paper's form cancels."""
-    for sign, mu0 in ((s, m) for s in (1, -1) for m in (0.0, 0.2, -0.29)):
-        dx = sign * np.geomspace(1e-12, 1e-2, 60)
-        exact = np.array([float(reference.dahl_closed(x, 0.0, mu0, mu_k, 1e4, sign)) for x in dx])
-        got = _core.dahl_slide(dx, mu0, mu_k, 1e4)
-        # two roundings of mu and one of the exponent; for mu_k = 1e9 the yardstick itself, the
-        # paper's form in 64 bits of mantissa, cancels to mu_k * 2^-64
-        assert np.max(np.abs(got - exact)) <= 4e-16 * max(1.0, np.max(np.abs(exact))) + mu_k * 2e-19
+    assert after(2e-4, 0.5e-4) == pytest.approx(-0.5647026, abs=5e-8)
 
 
 def test_nested_loops_follow_the_exact_path() -> None:
-    """From however few points; and so does the path of a law, within a rounding of the state for
-    each of the moves, and as many of the closed form.
-    """
+    """Within a rounding of the state for each of the moves, and as many of the closed form."""
     rng = np.random.default_rng(3)
     turning = np.concatenate([[0.0], np.cumsum(rng.choice([-1, 1], 40) * rng.uniform(0, 3e-4, 40))])
     exact = np.array([float(v) for v in reference.dahl_path_exact(turning, 0.8, 1e4)])
-    fine = np.concatenate([np.linspace(a, b, 50, endpoint=False) for a, b in pairwise(turning)])
-    got = _core.dahl_path(np.append(fine, turning[-1]), 0.0, 0.8, 1e4)[::50]
-    assert np.max(np.abs(got - exact)) <= 1e-14
-    assert np.max(np.abs(got)) <= 0.8
     found = bd.Dahl(mu_k=0.8, sigma=1e4).coefficient(turning, velocity=0.37, normal=NORMAL)
     assert np.max(np.abs(found - exact)) <= 40 * 20 * EPS
 

@@ -314,7 +314,7 @@ def keep_all(t, theta, omega, kept=[]):  # noqa: B006
 GOOD = {
     "model": lambda m, s: make_model(friction=None).info,
     "rate": lambda m, s: m.rate(s, [1.0, 2.0]),
-    "dahl": lambda m, s: (_core.dahl_slide(s["x"], 0, 1, 1), _core.dahl_path(s["x"], 0, 1, 1)),
+    "law": lambda m, s: _core.friction_law(SCENE["friction"], 0.1, s["vx"], s["vx"], s["vx"]),
     "new": lambda m, s: new(m, s, breakpoints=[0.5], method="rk4"),
     "run": lambda m, s: advance(m, s).state(),
     "call": lambda m, s: answers(m, s, drive).stats,

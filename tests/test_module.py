@@ -1,6 +1,6 @@
 """The binding by itself: what it takes, what it refuses and in which words, what it returns.
 
-Here its tables, Dahl's functions, scalars and models; the rest is in test_module_run.py.
+Here its tables, scalars and models; the rest is in test_module_run.py.
 """
 
 import inspect
@@ -75,7 +75,7 @@ def test_signatures_and_docstrings_can_be_read():
     ]  # fmt: skip
     settle = inspect.signature(_core.Simulation.settle).parameters
     assert list(settle)[:2] == ["model", "state"] and settle["state"].default is None
-    things = [_core, _core.kernel_level, _core.dahl_slide, _core.dahl_path]
+    things = [_core, _core.kernel_level, _core.friction_law, _core.belt_line]
     for kind in (_core.Model, _core.Simulation):
         things += [kind, *(getattr(kind, name) for name in dir(kind) if name[0] != "_")]
     assert [thing for thing in things if len(thing.__doc__ or "") <= 20] == []
@@ -101,40 +101,25 @@ def test_types_are_closed(model):
             _core.Model(**{key: value for key, value in SCENE.items() if key != name})
 
 
-def test_dahl_slide_keeps_the_shape_and_both_know_the_law():
-    dx = np.array([[1e-5, -1e-5, 0.0], [1.0, -1.0, 2e-4]])
-    mu = _core.dahl_slide(dx, 0.1, 1.0, 1e4)
-    assert mu.shape == dx.shape and mu.dtype == np.float64
-    sign = np.where(dx < 0, -1.0, 1.0)
-    np.testing.assert_allclose(mu, (0.1 - sign) * np.exp(-1e4 * abs(dx)) + sign, rtol=1e-13)
-    top = 1 - math.exp(-1)
-    point = _core.dahl_slide(1e-4, 0.0, 1.0, 1e4)
-    assert point.shape == () and point == pytest.approx(top)
-    mu = _core.dahl_path([0.0, 1e-4, 0.0], mu0=0.0, mu_k=1.0, sigma=1e4)
-    np.testing.assert_allclose(mu, [0, top, (top + 1) * math.exp(-1) - 1], rtol=1e-13)
-    assert _core.dahl_path([], 0.0, 1.0, 1e4).shape == (0,)
-    x = np.array([0.0, 2e-5, -1e-4, 3e-4])
-    expected = _core.dahl_path(x, 0.0, 1.0, 1e4).tobytes()
-    for layout, given in strange_layouts(x).items():
-        assert _core.dahl_path(given, 0.0, 1.0, 1e4).tobytes() == expected, layout
-
-
 @pytest.mark.parametrize(
-    ("name", "arguments", "kind", "message"),
+    ("changes", "kind", "message"),
     [
-        ("path", ([[0.0, 1.0]], 0, 1, 1), V, "x must have shape (n,), got (1, 2)"),
-        ("slide", ([[0.0, INF]], 0, 1, 1), V, "dx[0, 1] must be finite, got inf"),
-        ("slide", (math.nan, 0, 1, 1), V, "dx must be finite, got nan"),
-        ("slide", (0.0, 0, 0, 1), V, "mu_k must be > 0, got 0"),
-        ("slide", (0.0, 0, 1, INF), V, "sigma must be finite, got inf"),
-        ("path", ([0.0], "0", 1, 1), T, "mu0 must be a real number, got str"),
-        ("slide", (0.0, 10**400, 1.0, 1.0), V, "mu0 is too large for a float64"),
-        ("slide", (0.0, Broken(), 1.0, 1.0), ZeroDivisionError, "mine"),
+        ({"z": [[0.0, 1.0]]}, V, "z must have shape (n,), got (1, 2)"),
+        ({"v": [INF]}, V, "v[0] must be finite, got inf"),
+        ({"link_length": "0"}, T, "link_length must be a real number, got str"),
+        ({"link_length": Broken()}, ZeroDivisionError, "mine"),
     ],
 )
-def test_dahl_refuses(name, arguments, kind, message):
+def test_a_law_refuses(changes, kind, message):
+    one = {
+        "friction": SCENE["friction"],
+        "link_length": 0.1,
+        "z": [0.0],
+        "v": [0.0],
+        "normal": [1.0],
+    }
     with refused(kind, message):
-        getattr(_core, f"dahl_{name}")(*arguments)
+        _core.friction_law(**one | changes)
 
 
 def test_no_argument_overflows():
@@ -149,10 +134,10 @@ def test_no_argument_overflows():
             _core.friction_law(law, 0.1, one, one, one, element)
 
 
-def test_real_numbers_are_taken():
+def test_real_numbers_are_taken(model, rest):
     kinds = (int, float, np.float64, np.float32, np.float16, np.int8, np.uint64, np.longdouble)
     for value in [*(kind(1) for kind in kinds), np.array(1.0), np.array(1), Fraction(2, 2)]:
-        assert _core.dahl_slide(0.0, value, 1.0, 1.0) == 1.0, type(value)
+        assert same_bits(model.set_going(rest, value), model.set_going(rest, 1.0)), type(value)
 
 
 @pytest.mark.parametrize(

@@ -206,7 +206,8 @@ def test_samples(model, rest):
     simulation = make_simulation(model, rest)
     samples = simulation.sample(times)
     times[:] = math.nan
-    widths = {"LINKS": N_B, "FRICTION": N_B, "PULLEYS": N_P, "ENERGY": len(model.energy_terms)}
+    widths = dict.fromkeys(("LINKS", "JOINTS", "CONTACT", "FRICTION", "SLIPS"), N_B)
+    widths |= {"PULLEYS": N_P, "ENERGY": len(model.energy_terms)}
     absent = {"drag_loss", "mount", "mount_loss", "path_work", "coupling", "coupling_loss"}
     columns = [name for name, *_ in _core.ENERGY_TERMS if name not in absent]
     assert model.energy_terms == tuple(columns)

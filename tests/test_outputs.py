@@ -7,6 +7,7 @@ import json
 import pickle
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import attrs
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 import beltdyn as bd
 from beltdyn import _core, memory, outputs
 from beltdyn.checks import Array
+from beltdyn.histories import histories
 
 T = np.linspace(0.0, 4e-3, 9)
 
@@ -122,7 +124,7 @@ def test_an_array_that_was_not_asked_for_says_so(rest: bd.State) -> None:
             read()
         assert str(caught.value) == (
             f"{name} was not asked for: run simulate with outputs=(..., '{name}'), or without "
-            "outputs for all of them"
+            "outputs for all that its belt has"
         )
     for name in ("residual", "total", "losses", "mount"):
         with pytest.raises(AttributeError, match=r"^energy\.\w+ was not asked .* 'energy'\), or"):
@@ -137,6 +139,21 @@ def test_an_array_that_was_not_asked_for_says_so(rest: bd.State) -> None:
         _ = of_slip.span_tension
     with pytest.raises(AttributeError, match=r"^pulleys\.omega was not asked for"):
         _ = of_slip.slip
+
+
+def test_what_a_belt_lacks_is_absent_by_name() -> None:
+    """Without nodes that move, or without slip, a belt has no such arrays, and no zeros."""
+    run_of = SimpleNamespace(
+        _having={"MOUNTS": (), "COUPLINGS": ()},
+        _belt_facts={"lacks": ("LINKS", "SLIPS")},
+        belt=SimpleNamespace(n_bodies=2),
+    )
+    names = [name for name, *_ in _core.OUTPUTS if name != "energy"]
+    found = histories(np.zeros(1), dict.fromkeys([*names, "pulley"], np.ones((1, 2))), (), run_of)
+    assert set(found["belt"].arrays()) == set() and found["mounts"] is None
+    assert set(found["contact"].arrays()) == {"normal", "friction", "mu", "velocity", "pulley"}
+    with pytest.raises(AttributeError, match=r"^contact\.slip was not .* all that its belt has$"):
+        _ = found["contact"].slip
 
 
 def test_names_are_checked_before_anything_runs(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -123,7 +123,7 @@ def test_belts_of_the_table_tell_the_facts_of_the_stub() -> None:
         for one in facts.body
         if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name)
     }
-    fields = {name for name, size, *_ in _core.STATE_FIELDS if size == "LINKS"}
+    fields = {name for name, *_ in _core.STATE_FIELDS}
     params = bd.scenes.get("kubas_case_1").params
     for row in _core.BELTS:
         assert {name: kind.partition("[")[0] for name, kind in typed.items()} == {

@@ -52,7 +52,7 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
             "by span=, pulley= and the like"
         )
     size, unit, _ = described()[output]
-    dimension = dimensions(output, size)[0]
+    dimension = dimensions(size)[0]
     by = "pulley" if dimension == "coupling" else dimension
     given = {key: value for key, value in where.items() if value is not None}
     if set(given) - {by}:

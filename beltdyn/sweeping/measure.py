@@ -353,7 +353,7 @@ def _axes(result: Result, group: str, size: str) -> tuple[Axis, ...]:
     found = places(result.params)
     return tuple(
         Axis(dim, () if dim in ("link", "joint") else tuple(found[dim]), len(found[dim]))
-        for dim in dimensions(f"{group}.", size)
+        for dim in dimensions(size)
     )
 
 

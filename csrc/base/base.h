@@ -43,7 +43,7 @@ enum {
 
 typedef struct bd_layout {
   int n, n8, np, slots;
-  unsigned fields;     /* of nodes that it has: a bit each, */
+  unsigned fields;     /* of the belt, that it has: a bit each, */
   int block[F_MU + 1]; /* and the numbers of their blocks; of the first one of friction */
   int states;          /* of friction, of a link in a slot: the most that a law has */
   int stride;          /* doubles per block */
@@ -64,7 +64,7 @@ typedef struct bd_layout {
 } bd_layout;
 
 static inline int bd_has_field(const bd_layout *lay, int field) {
-  return field >= F_MU || (lay->fields >> field & 1u);
+  return field >= F_THETA || (lay->fields >> field & 1u);
 }
 
 static inline void bd_place_fields(bd_layout *lay, unsigned fields) {

@@ -12,7 +12,7 @@ BD_BELTS(X)
 #undef X
 
 /* Fields of nodes that are point masses; of links, which turn as well. */
-#define BD_OF_MASSES (1u << F_X | 1u << F_Y | 1u << F_VX | 1u << F_VY)
+#define BD_OF_MASSES (1u << F_X | 1u << F_Y | 1u << F_VX | 1u << F_VY | 1u << F_MU | 1u << F_SLIP)
 #define BD_OF_LINKS (BD_OF_MASSES | 1u << F_PHI | 1u << F_VPHI)
 
 /* The line's point and direction `nodes` of n from its beginning. */
@@ -29,6 +29,31 @@ bd_chord bd_line_chord(const bd_model *model, const bd_route *line, double shift
 /* By kernels that have all of contact in one pass. */
 void bd_contact_in_one_pass(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums);
 
+/* --- nodes.c: nodes that are masses ------------------------------------------------------------
+ */
+
+double bd_nodes_joints(bd_plan *plan, double *y, double *dy);
+void bd_nodes_fall(const bd_plan *plan, double *dy);
+void bd_nodes_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+double bd_nodes_stored(const bd_plan *plan, const double *y, const bd_joint *joints);
+int bd_nodes_turns(const bd_plan *plan, const double *y, int j);
+
+/* --- touches.c: contact at nodes ---------------------------------------------------------------
+ */
+
+double bd_nodes_push(const bd_plan *plan, const double *y, int j, double force[2]);
+void bd_nodes_contact_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+bd_contact_rounding bd_nodes_rounding(const bd_plan *plan, const double *y, int j);
+double bd_nodes_off_line(bd_plan *plan, const double *y, const double *y_new, double h);
+
+/* What all rows with nodes that are masses share. */
+#define BD_NODES                                                                                   \
+  .joints = bd_nodes_joints, .fall = bd_nodes_fall, .list = bd_search_ready,                       \
+  .begin = bd_plan_assign_contacts, .after_step = bd_contact_after_step, .push = bd_nodes_push,    \
+  .contact_outputs = bd_nodes_contact_outputs, .rounding = bd_nodes_rounding,                      \
+  .off_line = bd_nodes_off_line, .energy = bd_nodes_energy, .stored = bd_nodes_stored,             \
+  .turns = bd_nodes_turns
+
 /* --- links.c: rigid links -------------------------------------------------------------------- */
 
 void bd_links_joints_at(const bd_plan *plan, const double *y, const double *co, const double *si,
@@ -42,9 +67,10 @@ void bd_links_set_going(const bd_plan *plan, double *y, double speed);
   .model = BD_BELT_LINKS, .nodes = "links", .fields = BD_OF_LINKS, .bends = 1,                     \
   .explicit_share = 0.93
 #define BD_LINKS                                                                                   \
-  .joints_text = {"joints: axial spring-dampers", "joints: axial and bending spring-dampers"},     \
-  .joints_at = bd_links_joints_at, .direction = bd_links_direction, .apart = bd_links_apart,       \
-  .set_going = bd_links_set_going
+  BD_NODES,                                                                                        \
+      .joints_text = {"joints: axial spring-dampers", "joints: axial and bending spring-dampers"}, \
+      .joints_at = bd_links_joints_at, .direction = bd_links_direction, .apart = bd_links_apart,   \
+      .set_going = bd_links_set_going
 
 /* --- along.c: contact along the links, or bars ------------------------------------------------ */
 

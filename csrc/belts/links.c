@@ -25,10 +25,11 @@ void bd_links_joints_at(const bd_plan *plan, const double *y, const double *co, 
     /* two links folded back on each other have no mean direction; take the right one's */
     ex = norm > 1e-12 ? ex / norm : ci;
     ey = norm > 1e-12 ? ey / norm : s;
-    out[i] = (bd_joint){.along = dx * ex + dy * ey,
-                        .rate = du * ex + dv * ey,
+    const double along = dx * ex + dy * ey, rate = du * ex + dv * ey;
+    out[i] = (bd_joint){.along = along,
                         .squared = dx * dx + dy * dy,
-                        .turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind)};
+                        .turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind),
+                        .force = plan->links.stiffness * along + plan->links.damping * rate};
     cl = ci;
     sl = s;
   }

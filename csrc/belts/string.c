@@ -73,9 +73,10 @@ static void joints_at(const bd_plan *plan, const double *y, const double *co, co
   for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
     const double bx = x[i] - x[l], by = yy[i] - yy[l], length = hypot(bx, by);
     const double along = length - 2.0 * plan->links.half;
+    const double rate = ((vx[i] - vx[l]) * bx + (vy[i] - vy[l]) * by) / length;
     out[i] = (bd_joint){.along = along,
-                        .rate = ((vx[i] - vx[l]) * bx + (vy[i] - vy[l]) * by) / length,
-                        .squared = along * along};
+                        .squared = along * along,
+                        .force = plan->links.stiffness * along + plan->links.damping * rate};
   }
 }
 
@@ -119,6 +120,7 @@ const bd_belt_model bd_belt_string = {
               .text = "point masses, whose bars meet the pulleys along their length",
               .model = BD_BELT_STRING, .nodes = "point masses", .fields = BD_OF_MASSES,
               .stretches = 1, .explicit_share = 0.86},
+    BD_NODES,
     .joints_text = {"string: axial spring-dampers between point masses"},
     BD_ALONG,
     .distance = distance,

@@ -1,13 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * beltdyn._core: the module. Tables of fields.h as tuples, the closed-form Dahl functions, and the
- * one mapping from the core's errors to Python's. The contract is beltdyn/_core.pyi; guarded by
- * tests/test_module.py.
+ * beltdyn._core: the module. Tables of fields.h as tuples, and the one mapping from the core's
+ * errors to Python's. The contract is beltdyn/_core.pyi; guarded by tests/test_module.py.
  */
 #define BD_CORE_IMPORTS_NUMPY
 #include "binding/binding.h"
 
-#include <math.h>
 #include <string.h>
 
 /* --- errors ---------------------------------------------------------------------------------- */
@@ -80,48 +78,6 @@ PyDoc_STRVAR(kernel_level_doc,
 
 static PyObject *kernel_level(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(none)) {
   return PyUnicode_FromString(bd_kernel_level());
-}
-
-typedef struct {
-  PyArrayObject *x, *mu; /* input, and a fresh array of its shape */
-  double mu0, mu_k, sigma;
-} dahl_arguments;
-
-static int positive(PyObject *object, const char *name, double *out) {
-  if (bd_convert_finite(object, name, out) < 0) {
-    return -1;
-  }
-  if (*out > 0) {
-    return 0;
-  }
-  PyErr_Format(PyExc_ValueError, "%s must be > 0, got %R", name, object);
-  return -1;
-}
-
-/* The arguments of both functions: an array called `name`, then mu0, mu_k, sigma. */
-static int read_dahl(dahl_arguments *out, PyObject *args, PyObject *keywords, const char *format,
-                     char *name, int ndim) {
-  char *names[] = {name, "mu0", "mu_k", "sigma", NULL};
-  const npy_intp any = BD_ANY;
-  PyObject *x, *mu0, *mu_k, *sigma;
-  *out = (dahl_arguments){0};
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, format, names, &x, &mu0, &mu_k, &sigma)) {
-    return -1;
-  }
-  if (bd_convert_finite(mu0, "mu0", &out->mu0) < 0 || positive(mu_k, "mu_k", &out->mu_k) < 0 ||
-      positive(sigma, "sigma", &out->sigma) < 0) {
-    return -1;
-  }
-  out->x = bd_convert_array(x, name, ndim, &any);
-  if (!out->x) {
-    return -1;
-  }
-  out->mu =
-      (PyArrayObject *)PyArray_SimpleNew(PyArray_NDIM(out->x), PyArray_DIMS(out->x), NPY_DOUBLE);
-  if (!out->mu) {
-    Py_CLEAR(out->x);
-  }
-  return out->mu ? 0 : -1;
 }
 
 PyDoc_STRVAR(check_parameter_doc,
@@ -233,48 +189,6 @@ static PyObject *friction_states(PyObject *Py_UNUSED(module), PyObject *object) 
 }
 
 PyDoc_STRVAR(
-    dahl_slide_doc,
-    "dahl_slide(dx, mu0, mu_k, sigma)\n--\n\n"
-    "Dahl friction coefficient after sliding monotonically by dx, eq. (2.9).\n\n"
-    "dx: displacements [m], any shape. mu0: coefficient before. mu_k: kinetic coefficient\n"
-    "(> 0). sigma: stiffness at rest [1/m] (> 0). Returns a float64 array shaped as dx.\n"
-    "Raises TypeError or ValueError naming the argument.");
-
-static PyObject *dahl_slide(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
-  dahl_arguments in;
-  if (read_dahl(&in, args, keywords, "OOOO:dahl_slide", "dx", BD_ANY) < 0) {
-    return NULL;
-  }
-  const double *dx = PyArray_DATA(in.x);
-  double *mu = PyArray_DATA(in.mu);
-  for (npy_intp i = 0, n = PyArray_SIZE(in.x); i < n; i++) {
-    mu[i] = bd_dahl_slide(dx[i], in.mu0, in.mu_k, in.sigma);
-  }
-  Py_DECREF(in.x);
-  return (PyObject *)in.mu;
-}
-
-PyDoc_STRVAR(dahl_path_doc,
-             "dahl_path(x, mu0, mu_k, sigma)\n--\n\n"
-             "Dahl friction coefficient along a path with reversals anywhere, eq. (2.9).\n\n"
-             "x: positions [m], shape (n,). mu0: coefficient at x[0]. mu_k: kinetic coefficient\n"
-             "(> 0). sigma: stiffness at rest [1/m] (> 0). Returns the coefficient at each x,\n"
-             "shape (n,). Raises TypeError or ValueError naming the argument.");
-
-static PyObject *dahl_path(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
-  dahl_arguments in;
-  if (read_dahl(&in, args, keywords, "OOOO:dahl_path", "x", 1) < 0) {
-    return NULL;
-  }
-  size_t n = (size_t)PyArray_SIZE(in.x);
-  if (n) {
-    bd_dahl_path(n, PyArray_DATA(in.x), in.mu0, in.mu_k, in.sigma, PyArray_DATA(in.mu));
-  }
-  Py_DECREF(in.x);
-  return (PyObject *)in.mu;
-}
-
-PyDoc_STRVAR(
     belt_line_doc,
     "belt_line(centers, radii, outside=None, names=None)\n--\n\n"
     "The tight belt line round pulleys: for each the angle at which the belt arrives, the\n"
@@ -293,8 +207,6 @@ static PyMethodDef functions[] = {
     {"friction_states", friction_states, METH_O, friction_states_doc},
     BD_CORE_KEYWORDS("belt_line", bd_core_belt_line, belt_line_doc),
     {"mount_directions", bd_core_mount_directions, METH_VARARGS, mount_directions_doc},
-    BD_CORE_KEYWORDS("dahl_slide", dahl_slide, dahl_slide_doc),
-    BD_CORE_KEYWORDS("dahl_path", dahl_path, dahl_path_doc),
     BD_CORE_KEYWORDS("span_tension", bd_core_span_tension, bd_core_span_tension_doc),
     {NULL, NULL, 0, NULL},
 };
@@ -354,15 +266,20 @@ static PyObject *method_names(void) {
   return bd_core_tuple(list);
 }
 
-static PyObject *names_of_fields(unsigned fields) {
+static const char *field_name(int row) {
   static const char *const names[] = {
 #define X(symbol, name, size, scale, unit, text) #name,
       BD_STATE_FIELDS(X)
 #undef X
   };
+  return row < BD_CORE_N_STATE ? names[row] : NULL;
+}
+
+/* Of the rows of a table whose bits are set. */
+static PyObject *names_of(unsigned bits, const char *(*name)(int row)) {
   PyObject *list = PyList_New(0);
-  for (size_t f = 0; list && f < sizeof names / sizeof names[0]; f++) {
-    list = fields >> f & 1u ? bd_core_append(list, PyUnicode_FromString(names[f])) : list;
+  for (int row = 0; list && name(row); row++) {
+    list = bits >> row & 1u ? bd_core_append(list, PyUnicode_FromString(name(row))) : list;
   }
   return bd_core_tuple(list);
 }
@@ -371,9 +288,10 @@ static PyObject *belt_table(void) {
   PyObject *list = PyList_New(0);
   for (int row = 0; list && row < BD_N_BELT_MODELS; row++) {
     const bd_belt_facts *facts = bd_belt_facts_at(row);
-    PyObject *dict =
-        Py_BuildValue("{s:s, s:s, s:N}", "mesh", bd_core_meshes[facts->mesh], "model",
-                      bd_core_belt_models[facts->model], "fields", names_of_fields(facts->fields));
+    PyObject *dict = Py_BuildValue("{s:s, s:s, s:N, s:N}", "mesh", bd_core_meshes[facts->mesh],
+                                   "model", bd_core_belt_models[facts->model], "fields",
+                                   names_of(facts->fields, field_name), "lacks",
+                                   names_of(facts->lacks, bd_size_name));
 #define X(name, text)                                                                              \
   if (dict && bd_core_set(dict, #name, PyUnicode_FromString(facts->name)) < 0) {                   \
     Py_CLEAR(dict);                                                                                \

@@ -64,7 +64,7 @@ static const struct {
   {#name, BD_SIZE_##size, offsetof(bd_output, name), NPY_DOUBLE, 1},
     BD_OUTPUTS(X)
 #undef X
-        {"pulley", BD_SIZE_LINKS, offsetof(bd_output, pulley), NPY_INT32, 1},
+        {"pulley", BD_SIZE_CONTACT, offsetof(bd_output, pulley), NPY_INT32, 1},
     {"span_tension", BD_SIZE_PULLEYS, offsetof(bd_output, span_tension), NPY_DOUBLE, 0},
     {"across", BD_SIZE_ONE, offsetof(bd_output, across), NPY_DOUBLE, 0},
 };

@@ -171,8 +171,9 @@ static int colour_pulleys(const bd_model *model) {
   return slots;
 }
 
-static void lay_out(bd_model *model, int n, int np, int slots, int states, int drag) {
+static void lay_out(bd_model *model, int np, int slots, int states, int drag) {
   bd_layout *lay = &model->lay;
+  const int n = model->info.n_bodies;
   bd_place_fields(lay, model->belt_model->facts.fields);
   lay->n = n;
   lay->n8 = (n + BD_LANES - 1) / BD_LANES * BD_LANES;
@@ -219,6 +220,7 @@ static void derive(bd_model *model) {
   bd_info *info = &model->info;
   double l0 = belt->length / belt->n_bodies;
   info->n_bodies = belt->n_bodies;
+  info->lacks = model->belt_model->facts.lacks;
   info->n_pulleys = model->lay.np;
   info->length = belt->length;
   info->link_length = l0;
@@ -513,8 +515,8 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   }
   model->colours = colour_pulleys(model);
   check_room(model);
-  lay_out(model, scene->belt.n_bodies, np, model->has_friction ? model->colours : 0,
-          bd_friction_most_states(model), drag);
+  lay_out(model, np, model->has_friction ? model->colours : 0, bd_friction_most_states(model),
+          drag);
   model->info.n_slots = model->lay.slots;
   model->info.n_states = model->lay.states;
   model->info.n_mounts = model->lay.nm;

@@ -117,10 +117,10 @@ struct bd_model {
 
 typedef struct bd_plan bd_plan; /* physics/physics.h */
 
-/* A joint as outputs see it: stretch along the belt there, its rate, square of the whole stretch;
- * the angle between its nodes. */
+/* A joint as outputs see it: stretch along the belt there, square of the whole stretch; the angle
+ * between its nodes; the force in it. */
 typedef struct bd_joint {
-  double along, rate, squared, turn;
+  double along, squared, turn, force;
 } bd_joint;
 
 /* The contact at a node, or at the joint on its left, as outputs see it: where friction acts; the
@@ -129,6 +129,13 @@ typedef struct bd_joint {
 typedef struct bd_touch {
   double x, y, vx, vy, share, normal, least, acts;
 } bd_touch;
+
+/* Of the contact with a pulley: what its forces on the belt add up to without regard to sign, their
+ * least normal force, and by how much rounding may shift their sum. */
+typedef struct bd_contact_rounding {
+  double magnitude, least_normal, shift;
+  int least; /* node */
+} bd_contact_rounding;
 
 /* A belt model, a row of the table in belts/belts.c: another one is another file there, the kernels
  * that it names, and a row. Functions are of whole belts but for two that steps do not ask, of a
@@ -149,6 +156,9 @@ struct bd_belt_model {
   void (*set_going)(const bd_plan *plan, double *y, double speed);
   /* --- physics: the effects "joints" and "contact" */
   void (*carve)(bd_carver *carver, bd_plan *plan, const bd_layout *lay); /* NULL: no scratch */
+  /* The rate of the belt without its contact; returns what its dampers lose. */
+  double (*joints)(bd_plan *plan, double *y, double *dy);
+  void (*fall)(const bd_plan *plan, double *dy); /* adds gravity to the rate */
   /* Adds contact and friction of pulley j to the rate, or to scratch; before all pulleys and after
    * them (NULL: nothing). */
   void (*contact)(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums);
@@ -167,6 +177,25 @@ struct bd_belt_model {
                      double *energy);
   /* Its stored energy alone, added; whether anything touches. */
   int (*contact_energy)(const bd_plan *plan, const double *y, int j, double *energy);
+  /* Before a step of length h from y: what may touch which pulley within it. At the start of a run:
+   * what touches which, from positions alone. After a step: bd_effect. */
+  void (*list)(bd_plan *plan, const double *y, double h);
+  void (*begin)(bd_plan *plan, double *y);
+  int (*after_step)(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                    bd_error *err);
+  /* Torque of friction on the rim of pulley j, and the force of its contact on the belt, friction
+   * included; row k of the outputs of contact. */
+  double (*push)(const bd_plan *plan, const double *y, int j, double force[2]);
+  void (*contact_outputs)(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+  bd_contact_rounding (*rounding)(const bd_plan *plan, const double *y, int j);
+  /* By how much friction without a state, all of a pulley's, leaves the line from the begin of a
+   * step where it is too steep for an implicit step to see it, over the tension at rest. */
+  double (*off_line)(bd_plan *plan, const double *y, const double *y_new, double h);
+  /* Adds the energy of the belt to the terms; the sum of it but for contact, from its joints. */
+  void (*energy)(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
+  double (*stored)(const bd_plan *plan, const double *y, const bd_joint *joints);
+  /* Turns of the belt round the axis of pulley j, which stands where the plan has it. */
+  int (*turns)(const bd_plan *plan, const double *y, int j);
   /* Sum of squares of what the joints' stretches in two states, of plans of their own whose rates
    * were the last to be evaluated there, are apart. */
   double (*apart)(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);

@@ -25,7 +25,7 @@ const bd_field_row bd_state_fields[BD_N_FIELDS] = {
 };
 
 size_t bd_size(const bd_info *of, int size) {
-  switch (size) {
+  switch (of->lacks >> size & 1u ? -1 : size) {
 #define X(name, count)                                                                             \
   case BD_SIZE_##name:                                                                             \
     return (size_t)(count);
@@ -47,9 +47,10 @@ const char *bd_size_name(int size) {
 
 int bd_field_pieces(const bd_layout *lay, int row) {
   const int size = bd_state_fields[row].size;
-  return size == BD_SIZE_STATES  ? lay->slots * lay->states
-         : size == BD_SIZE_SLOTS ? lay->slots
-                                 : bd_has_field(lay, row);
+  const int each = size == BD_SIZE_STATES  ? lay->slots * lay->states
+                   : size == BD_SIZE_SLOTS ? lay->slots
+                                           : 1;
+  return bd_has_field(lay, row) ? each : 0;
 }
 
 int bd_field_length(const bd_layout *lay, int row) {
@@ -75,7 +76,7 @@ void bd_layout_fields(bd_layout *lay) {
     const int block = bd_block(lay, row == F_SLIP ? bd_f_slip(lay, 0) : row);
     lay->offset[row] = block * lay->stride + BD_HALO;
   }
-  lay->work = bd_block(lay, bd_f_slip(lay, lay->slots)) * lay->stride;
+  lay->work = lay->offset[F_SLIP] - BD_HALO + bd_field_pieces(lay, F_SLIP) * lay->stride;
   for (int row = F_THETA; row < BD_N_FIELDS; ++row) {
     lay->offset[row] = lay->work;
     lay->work += bd_field_length(lay, row);
@@ -257,7 +258,7 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
     }
   }
   memset(y, 0, lay->size * sizeof *y);
-  for (int f = F_X; f <= F_Y; ++f) {
+  for (int f = F_X; f <= F_Y && bd_has_field(lay, f); ++f) {
     double *block = bd_field(lay, y, f);
     for (int i = lay->n; i < lay->stride - BD_HALO; ++i) {
       block[i] = model->far_away;
@@ -272,13 +273,13 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
 void bd_state_export(const bd_model *model, const double *y, double turns, bd_state *state) {
   const bd_layout *lay = &model->lay;
   for (int row = 0; row < BD_N_FIELDS; ++row) {
-    double *to = member(state, row);
+    double *to = member(state, row); /* NULL: it is not wanted */
     const double shift = row == F_X     ? model->origin[0]
                          : row == F_Y   ? model->origin[1]
                          : row == F_PHI ? turns * 2.0 * BD_PI
                                         : 0.0;
     const int length = bd_field_length(lay, row);
-    for (int k = 0; k < bd_field_pieces(lay, row); ++k) {
+    for (int k = 0; to && k < bd_field_pieces(lay, row); ++k) {
       const double *from = y + bd_field_offset(lay, row, k);
       for (int i = 0; i < length; ++i) {
         to[k * length + i] = from[i] + shift;

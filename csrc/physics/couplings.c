@@ -105,8 +105,6 @@ static void outputs(bd_plan *plan, const double *y, const bd_output *out, size_t
     const int clutch = model->couplings[c].kind == BD_COUPLING_CLUTCH;
     const double z = y[lay->windup + c]; /* between steps it is interpolated */
     const size_t at = k * (size_t)lay->nc + (size_t)c;
-    bd_put(out->rim_angle, at, y[lay->rim_angle + c]);
-    bd_put(out->rim_speed, at, y[lay->rim_speed + c]);
     bd_put(out->windup, at, clutch ? fmax(0.0, z) : z);
     bd_put(out->transmitted, at, model->couplings[c].sense * bd_coupling_at(model, y, c).torque);
   }

@@ -25,8 +25,7 @@ static const char *label_joints(const bd_plan *plan) {
 
 static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
-  double loss = plan->kernels->joints[plan->bending_on][!plan->skip_power](&plan->links, y, dy);
-  dy[plan->model->lay.work + W_joint_loss] = loss;
+  dy[plan->model->lay.work + W_joint_loss] = plan->model->belt_model->joints(plan, y, dy);
   return BD_OK;
 }
 
@@ -61,7 +60,6 @@ const bd_effect bd_effect_joints = {
     .carve_tangent = carve_joints_tangent,
     .stiffness = stiffness_of_joints,
     .outputs = bd_outputs_of_joints,
-    .energy = bd_energy_of_joints,
     .n_works = 1,
     .works = {BD_LOST_IN(joint_loss, "dampers of the joints have given", 1)},
 };
@@ -75,13 +73,7 @@ static int has_gravity(const bd_model *model, const bd_plan_options *options) {
 
 static int pass_gravity(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)y, (void)err;
-  const bd_layout *lay = &plan->model->lay;
-  double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
-  const double gx = plan->model->gravity[0], gy = plan->model->gravity[1];
-  for (int i = 0; i < lay->n; ++i) {
-    ax[i] += gx;
-    ay[i] += gy;
-  }
+  plan->model->belt_model->fall(plan, dy);
   return BD_OK;
 }
 
@@ -91,7 +83,6 @@ const bd_effect bd_effect_gravity = {
     .enabled = has_gravity,
     .rate = pass_gravity,
     .tangent = bd_tangent_none,
-    .energy = bd_energy_of_gravity,
 };
 
 /* --- contact and friction --------------------------------------------------------------------- */
@@ -126,6 +117,15 @@ static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error
   dy[lay->work + W_contact_loss] = contact_loss;
   dy[lay->work + W_friction_loss] = friction_loss;
   return BD_OK;
+}
+
+static int after_step_of_contact(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                                 bd_error *err) {
+  return plan->model->belt_model->after_step(plan, t, y, tolerance, changed, err);
+}
+
+static void outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+  plan->model->belt_model->contact_outputs(plan, y, out, k);
 }
 
 static void carve_contact(bd_carver *carver, bd_plan *plan, const bd_model *model) {
@@ -204,12 +204,11 @@ const bd_effect bd_effect_contact = {
     .tangent = tangent_contact,
     .carve = carve_contact,
     .carve_tangent = carve_contact_tangent,
-    .after_step = bd_contact_after_step,
+    .after_step = after_step_of_contact,
     .stiffness = stiffness_of_contact,
     .rest = rest_contact,
     .on_shaft = torque_of_contact,
-    .outputs = bd_outputs_of_contact,
-    .energy = bd_energy_of_contact,
+    .outputs = outputs_of_contact,
     .n_works = 2,
     .works = {BD_LOST_IN(contact_loss, "dampers of the contact have given", 1),
               {.row = W_friction_loss}},

@@ -328,8 +328,6 @@ static void axes_outputs(bd_plan *plan, const double *y, const bd_output *out, s
     const size_t at = k * (size_t)lay->nm + (size_t)m;
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
     double lost = 0.0;
-    bd_put(out->travel, at, q);
-    bd_put(out->travel_speed, at, v);
     bd_put(out->spring_force, at, bd_mount_spring(mount, q));
     bd_put(out->damper_force, at, mount->row->moves ? -mount->damping * v : 0.0);
     bd_put(out->friction_force, at,

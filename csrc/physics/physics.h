@@ -482,6 +482,14 @@ int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_e
 /* In place of set torques those that the motions last evaluated need at y. */
 void bd_outputs_of_motion(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 
+static inline void bd_plan_list(bd_plan *plan, const double *y, double h) {
+  plan->model->belt_model->list(plan, y, h);
+}
+
+static inline void bd_plan_begin(bd_plan *plan, double *y) {
+  plan->model->belt_model->begin(plan, y);
+}
+
 /* --- search.c, on a plan --------------------------------------------------------------------- */
 
 /* Keeps the search list right for a step of length h from y: every link that can touch a pulley
@@ -496,35 +504,16 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
 /* Torque of friction on pulley j at a state; and, unless NULL, the force of its contact on the
  * belt, friction included. */
 double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]);
-/* Of the contact with pulley j: what its forces on the belt add up to without regard to sign, their
- * least normal force, and by how much rounding may shift their sum. */
-typedef struct bd_contact_rounding {
-  double magnitude, least_normal, shift;
-  int least; /* link */
-} bd_contact_rounding;
-
-bd_contact_rounding bd_contact_rounding_of(const bd_plan *plan, const double *y, int j);
 /* All joints at a state, with directions as the rate has them or anew. Scratch. */
 const bd_joint *bd_joints(const bd_plan *plan, const double *y, int with_rate);
-/* Force in a joint. */
-static inline double bd_joint_force(const bd_plan *plan, const bd_joint *at) {
-  return plan->links.stiffness * at->along + plan->links.damping * at->rate;
-}
 /* A value of an output, NULL: it is not wanted. */
 static inline void bd_put(double *to, size_t at, double value) {
   if (to) {
     to[at] = value;
   }
 }
-/* Outputs of single effects; their stored energy, added to the terms. */
+/* Outputs of single effects. */
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);
-void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k);
-/* By how much friction without a state, all of a pulley's, leaves the line from the begin of a step
- * where it is too steep for an implicit step to see it, over the tension at rest. */
-double bd_friction_off_line(bd_plan *plan, const double *y, const double *y_new, double h);
-void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 /* All works but that of the set torques: what was lost since the start. */
 double bd_losses(const bd_layout *lay, const double *y);
 /* Mean of the joint forces, tension positive. */

@@ -116,7 +116,7 @@ int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance, d
   while (sim->stepper.t < t_new) {
     int last = sim->stepper.t + 1.001 * h >= t_new;
     h = last ? t_new - sim->stepper.t : h;
-    bd_search_ready(&sim->stepper.plan, sim->stepper.y, h);
+    bd_plan_list(&sim->stepper.plan, sim->stepper.y, h);
     int code = sim->stepper.now->attempt(&sim->stepper, h, &error);
     if (code == BD_OK && !isfinite(error)) {
       code = BD_ERR_NOT_FINITE;
@@ -186,9 +186,9 @@ static int start(bd_sim *sim) {
   sim->error_before = 1.0;
   sim->started = 1;
   bd_stepper_reset(&sim->stepper);
-  bd_plan_assign_contacts(&sim->stepper.plan, sim->stepper.y);
+  bd_plan_begin(&sim->stepper.plan, sim->stepper.y);
   bd_stepper_weigh_friction(&sim->stepper);
-  bd_search_ready(&sim->stepper.plan, sim->stepper.y, sim->stepper.h);
+  bd_plan_list(&sim->stepper.plan, sim->stepper.y, sim->stepper.h);
   int code = bd_sim_begin_motion(sim, &sim->stepper.report.failure);
   if (code == BD_OK) {
     code = bd_motion_put(&sim->stepper.plan, sim->stepper.t, sim->stepper.y,
@@ -319,7 +319,8 @@ static trial next_trial(bd_sim *sim) {
 static double unseen_error(bd_sim *sim, double h) {
   bd_stepper *stepper = &sim->stepper;
   const double of_stages = 1.0, of_single = 50.0, not_falling = 0.1;
-  const double off = bd_friction_off_line(&stepper->plan, stepper->y, stepper->y_new, h);
+  const double off =
+      stepper->model->belt_model->off_line(&stepper->plan, stepper->y, stepper->y_new, h);
   const double counts = !sim->twin.falls          ? not_falling
                         : stepper->now->order > 2 ? of_stages
                                                   : of_single;
@@ -331,7 +332,7 @@ static double unseen_error(bd_sim *sim, double h) {
 static int try_step(bd_sim *sim, trial *t) {
   bd_stepper *stepper = &sim->stepper;
   stepper->plan.t_piece = stepper->t + 0.5 * t->h;
-  bd_search_ready(&stepper->plan, stepper->y, t->h);
+  bd_plan_list(&stepper->plan, stepper->y, t->h);
   bd_torque_functions_before_try(stepper);
   int code = stepper->now->attempt(stepper, t->h, &t->error);
   if (code == BD_OK && !stepper->fixed && !sim->settling && stepper->now->implicit) {
@@ -412,7 +413,7 @@ static int reject(bd_sim *sim, const trial *t, int code, int retries) {
     if (!m->implicit || at_floor) {
       return stepper->fixed ? bd_sim_fail_unstable(sim, code, h) : code;
     }
-    bd_plan_assign_contacts(&stepper->plan, stepper->y);
+    bd_plan_begin(&stepper->plan, stepper->y);
     bd_stepper_weigh_friction(stepper);
   }
   if (at_floor && (!m->implicit || stepper->now->order == 1)) {

@@ -91,7 +91,7 @@ static double forces(bd_sim *sim, double *y, double *dy, int *code) {
   bd_stepper *stepper = &sim->stepper;
   bd_stop(sim, y);
   stepper->plan.search.travelled = (double)INFINITY;
-  bd_search_ready(&stepper->plan, y, 0.0);
+  bd_plan_list(&stepper->plan, y, 0.0);
   *code = bd_stepper_rate(stepper, stepper->t, y, dy);
   return bd_unbalanced(sim, dy);
 }

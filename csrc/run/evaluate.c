@@ -25,7 +25,7 @@ static int sim_at_state(bd_sim **out, const bd_model *model, const bd_state *sta
     bd_sim *sim = *out;
     bd_plan_place(&sim->stepper.plan, sim->stepper.t, sim->stepper.y);
     sim->stepper.plan.search.travelled = INFINITY;
-    bd_search_ready(&sim->stepper.plan, sim->stepper.y, 0.0);
+    bd_plan_list(&sim->stepper.plan, sim->stepper.y, 0.0);
     code = bd_plan_rate(&sim->stepper.plan, sim->stepper.t, sim->stepper.y, sim->stepper.stage[0],
                         err);
   }

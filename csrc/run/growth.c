@@ -234,7 +234,7 @@ static double displace(bd_sim *sim, bd_sim *twin) {
   const bd_layout *lay = &sim->stepper.model->lay;
   const double stretch = sim->stepper.model->info.strain * sim->stepper.model->info.link_length;
   const double size = fmax(1e-8, DISPLACEMENT * allowed(sim)) * stretch;
-  for (int f = F_X; f <= F_Y; ++f) {
+  for (int f = F_X; f <= F_Y && bd_has_field(lay, f); ++f) {
     for (int i = 0; i < lay->n; ++i) {
       t->random = t->random * 6364136223846793005u + 1442695040888963407u; /* Knuth's MMIX */
       double shift = size * ((double)(t->random >> 11) * 0x1p-52 - 1.0);

@@ -26,24 +26,11 @@ void bd_guard_carve(bd_carver *carver, bd_guard *guard, int np) {
   BD_KEEP(carver, guard->touched, np);
 }
 
-/* Turns of the belt's polygon round a pulley's axis: crossings of the ray to its right (D. Sunday,
- * "Inclusion of a point in a polygon", 2001). */
-static int winding(const bd_layout *lay, const double *y, double cx, double cy) {
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  int turns = 0;
-  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
-    double left = (x[l] - cx) * (yy[i] - cy) - (x[i] - cx) * (yy[l] - cy);
-    turns += yy[l] <= cy && yy[i] > cy && left > 0.0;
-    turns -= yy[l] > cy && yy[i] <= cy && left < 0.0;
-  }
-  return turns;
-}
-
 int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double t) {
   const bd_model *model = plan->model;
   bd_mounts_put(plan, y);
   for (int j = 0; j < model->lay.np; ++j) {
-    int turns = winding(&model->lay, y, plan->contact_pulleys[j].x, plan->contact_pulleys[j].y);
+    const int turns = model->belt_model->turns(plan, y, j);
     if (turns != model->winding[j]) {
       return bd_fail_at(err, BD_ERR_OFF_PULLEY, "contact", t, -1, j, turns,
                         "the belt no longer runs round %s by t = %.9g s: %s",
@@ -96,25 +83,10 @@ static double survey(bd_sim *sim, double *gap, int *link) {
   const bd_plan *plan = &sim->stepper.plan;
   const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
-  const double *x = bd_cfield(lay, sim->stepper.y, F_X), *y = bd_cfield(lay, sim->stepper.y, F_Y);
-  const double *vx = bd_cfield(lay, sim->stepper.y, F_VX),
-               *vy = bd_cfield(lay, sim->stepper.y, F_VY),
-               *w = bd_find_field(lay, sim->stepper.y, F_VPHI);
-  const double m = model->info.link_mass, gx = model->gravity[0], gy = model->gravity[1];
   const bd_joint *joints = bd_joints(plan, sim->stepper.y, 1);
-  double axial = 0.0, bending = 0.0, moving = 0.0, spin = 0.0, height = 0.0;
+  double energy = model->belt_model->stored(plan, sim->stepper.y, joints);
   bd_mounts_put(plan, sim->stepper.y);
   bd_plan_see(plan, sim->stepper.y);
-  for (int i = 0; i < lay->n; ++i) {
-    axial += joints[i].squared;
-    bending += joints[i].turn * joints[i].turn;
-    spin += w ? w[i] * w[i] : 0.0;
-    moving += vx[i] * vx[i] + vy[i] * vy[i];
-    height += gx * (x[i] + model->origin[0]) + gy * (y[i] + model->origin[1]);
-  }
-  double energy = 0.5 * (plan->links.stiffness * axial + plan->links.bending * bending +
-                         m * moving + model->info.link_inertia * spin) -
-                  m * height;
   for (int j = 0; j < lay->np; ++j) {
     double omega = sim->stepper.y[lay->omega + j];
     energy += 0.5 * model->inertia[j] * omega * omega;

@@ -165,7 +165,7 @@ static int check_pulley(bd_sim *sim, int j, double sum[2], bd_contact_rounding *
   const int m = model->mount_of ? model->mount_of[j] : -1;
   double force[2];
   const double torque = bd_friction_torque(plan, sim->stepper.y, j, force);
-  const bd_contact_rounding here = bd_contact_rounding_of(plan, sim->stepper.y, j);
+  const bd_contact_rounding here = plan->model->belt_model->rounding(plan, sim->stepper.y, j);
   const double bound = of_sum(model->lay.n, here.magnitude) + here.shift;
   const double off = fabs(torque - plan->friction[j]) / plan->contact_pulleys[j].radius;
   const double pushed =
@@ -203,7 +203,7 @@ static int check_forces(bd_sim *sim, const double *dy) {
     sum[1] += m * (ay[i] - model->gravity[1]);
     all.magnitude +=
         m * (fabs(ax[i]) + fabs(ay[i]) + fabs(model->gravity[0]) + fabs(model->gravity[1])) +
-        fabs(bd_joint_force(plan, &joints[i]));
+        fabs(joints[i].force);
   }
   for (int j = 0; j < lay->np; ++j) {
     const int code = check_pulley(sim, j, sum, &all);
@@ -239,7 +239,7 @@ static int check_losses(bd_sim *sim, const double *dy) {
   const bd_layout *lay = &model->lay;
   double elastic = 0.0;
   for (int j = 0; j < lay->np; ++j) {
-    elastic += bd_contact_rounding_of(plan, sim->stepper.y, j).magnitude;
+    elastic += plan->model->belt_model->rounding(plan, sim->stepper.y, j).magnitude;
   }
   const double speed = sqrt(plan->kernels->fastest(lay, sim->stepper.y));
   for (int k = 0; k < 2 * plan->n_effects; ++k) {

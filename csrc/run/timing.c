@@ -67,7 +67,7 @@ static int step(bd_stepper *stepper) {
   double error;
   int changed = 0;
   stepper->jacobian_known = 0;
-  bd_search_ready(&stepper->plan, stepper->y, stepper->h);
+  bd_plan_list(&stepper->plan, stepper->y, stepper->h);
   int code = stepper->method->attempt(stepper, stepper->h, &error);
   if (code == BD_OK) {
     code = bd_plan_after_step(&stepper->plan, stepper->t, stepper->y_new, 1e-3 * stepper->rtol,
@@ -86,7 +86,7 @@ static int call(bd_stepper *stepper, const pass *p) {
   int code = BD_OK, changed = 0, terms;
   switch (p->does) {
   case SEARCH:
-    bd_search_ready(plan, stepper->y, stepper->h);
+    bd_plan_list(plan, stepper->y, stepper->h);
     break;
   case JACOBIAN:
     bd_newton_linearise(&stepper->newton, plan, stepper->y);
@@ -222,7 +222,7 @@ static int try_step(bd_stepper *stepper, int *rates) {
   const int ledger = stepper->plan.ledger;
   stepper->now = stepper->method;
   stepper->plan.t_piece = stepper->t + 0.5 * stepper->h;
-  bd_search_ready(&stepper->plan, stepper->y, stepper->h);
+  bd_plan_list(&stepper->plan, stepper->y, stepper->h);
   int code = bd_stepper_ensure_rate(stepper);
   stepper->plan.ledger = 0;
   const long before = stepper->nfev;

@@ -20,7 +20,7 @@ enum { LINKS = 13, PULLEYS = 3, STRIDE = BD_HALO + 16, THETA = 8 * STRIDE, SIZE 
 static const double tolerance = 1e-13;
 
 static const bd_layout layout = {.n = LINKS,
-                                 .fields = 63, /* all of the links' */
+                                 .fields = 255, /* all of the links' */
                                  .block = {0, 1, 2, 3, 4, 5, 6},
                                  .n8 = 16,
                                  .np = PULLEYS,

@@ -333,8 +333,6 @@ def binding() -> Callable[[bytes], None]:
             },
         ),
         (_core.friction_states, [friction]),
-        (_core.dahl_slide, {"dx": ring, "mu0": 0.0, "mu_k": 1.0, "sigma": 1e4}),
-        (_core.dahl_path, {"x": ring, "mu0": 0.0, "mu_k": 1.0, "sigma": 1e4}),
         (
             _core.span_tension,
             {
