@@ -79,17 +79,23 @@ def put_case(path: Path) -> None:
         places = np.array(data["centers"], dtype=float)
         for j in mounts.keys() - set(sprung):
             places[j] = rest[j]
+        bend, speed = np.zeros((len(places), 2)), np.zeros(len(places))
         matrix, load = np.zeros((len(sprung), len(sprung))), np.zeros(len(sprung))
         for i, j in enumerate(sprung):
             one, q, dq, zeta = mounts[j], data["q"][k, i], data["dq"][k, i], data["zeta"][k, i]
             places[j] = one.place(q, data["centers"][j])
             own = one.spring(q) + one.damper(dq) - one.friction * zeta + one.stop(q, dq)
             own = own + one.weighs * (one.lever(q, data["centers"][j]) @ data["gravity"])
+            speed[j] = dq
             if one.carries_bearing:
+                lever = one.lever(q, data["centers"][j])
+                bend[j] = -lever[1], lever[0]
                 own = own + bearing(data, j, data["omega"][k, j] - dq)
             matrix[i, i] = one.moved
             load[i] = own
         put("places", places)
+        put("bend", bend)
+        put("speed", speed)
         if sprung:
             put("mount_matrix", data["mount_matrix"][k] - matrix)
             put("mount_load", data["mount_load"][k] - load)

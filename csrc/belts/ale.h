@@ -62,13 +62,17 @@ typedef struct bd_ale_answer {
 enum { BD_ALE_FIRST, BD_ALE_LAST, BD_ALE_FILLS, BD_ALE_ANSWERS };
 
 /* The Jacobian of the belt's rates by the belt's unknowns; by pulley its column of the rim's speed,
- * the row of the torque on it, and that torque by that speed. */
+ * the row of the torque on it, and that torque by that speed. Of axes that have a lever: the row of
+ * the belt's force along it, and that force by the speeds of rims; columns of the travel's speed
+ * and of the travel, torques and forces by them: (which, on what, by which). */
 typedef struct bd_ale_newton {
   bd_ale_ring ring;
   bd_ale_slopes slopes;
   int states, stride;
+  size_t state_size;                                /* from its first number on */
   int *cell_block, *cell_at, *node_block, *node_at; /* by slot: of m, which z follow; of v */
   double *column, *row, *own;
+  double *push, *push_by_rim, *moved[2], *torque_by[2], *push_by[2];
   bd_ale_answer (*answers)[BD_ALE_ANSWERS]; /* by span */
 } bd_ale_newton;
 
@@ -77,6 +81,14 @@ void bd_ale_newton_make(bd_ale_newton *newton, const bd_ale *ale);
 /* At the state whose rate was the last to be evaluated. */
 void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_kernels *kernels,
                       const bd_ale_state *y, const bd_ale_state *dy);
+/* The columns of axes with a lever, by differences of rates in turn, which are written to
+ * `scratch`: of the rates that bd_ale_linearise has had. The last rate is another's afterwards. */
+void bd_ale_linearise_axes(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
+                           const bd_ale_state *y, const bd_ale_state *dy,
+                           const bd_ale_state *scratch);
+/* All of a rate, W as it is. */
+void bd_ale_rate(bd_ale *ale, const bd_ale_kernels *kernels, const bd_ale_state *y,
+                 const bd_ale_state *dy);
 /* A state, or rates, as the unknowns of the ring, and back. */
 void bd_ale_gather(const bd_ale_newton *newton, const bd_ale *ale, const bd_ale_state *y,
                    double *x);

@@ -91,6 +91,7 @@ static void carve_blocks(bd_carver *carver, bd_ale_ring *ring, const bd_ale *ale
 void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale *ale, int states) {
   newton->states = states;
   newton->stride = slab(ale);
+  newton->state_size = bd_ale_state_size(ale, states) - BD_HALO;
   carve_blocks(carver, &newton->ring, ale);
   int **const maps[] = {&newton->cell_block, &newton->cell_at, &newton->node_block,
                         &newton->node_at};
@@ -112,6 +113,13 @@ void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale 
   BD_CARVE(carver, newton->column, ale->np * newton->ring.unknowns);
   BD_CARVE(carver, newton->row, ale->np * newton->ring.unknowns);
   BD_CARVE(carver, newton->own, ale->np);
+  BD_CARVE(carver, newton->push, ale->np * newton->ring.unknowns);
+  BD_CARVE(carver, newton->push_by_rim, ale->np * ale->np);
+  for (int of = 0; of < 2; ++of) {
+    BD_CARVE(carver, newton->moved[of], ale->np * newton->ring.unknowns);
+    BD_CARVE(carver, newton->torque_by[of], ale->np * ale->np);
+    BD_CARVE(carver, newton->push_by[of], ale->np * ale->np);
+  }
   BD_CARVE(carver, newton->answers, ale->np);
 }
 
@@ -238,6 +246,27 @@ static void add_torque(const filling *f, int j, place column, double value) {
   }
 }
 
+/* The force along the lever of a pulley by an unknown. */
+static void add_push(const filling *f, int j, place column, double value) {
+  bd_ale_ring *ring = &f->newton->ring;
+  if (column.block < 0) {
+    f->newton->push_by_rim[j * f->ale->np + column.at] += value;
+  } else {
+    f->newton->push[j * ring->unknowns + ring->blocks[column.block].at + column.at] += value;
+  }
+}
+
+/* So much more pulls an axis along t of a node of its arc, or bears on it along n, which is less.
+ */
+static void push_by(const filling *f, int j, int slot, place column, double along, double bears) {
+  const bd_ale *ale = f->ale;
+  const double *a = ale->arcs[j].axis.lever, D = ale->direction;
+  if (ale->moving && (a[0] != 0.0 || a[1] != 0.0)) {
+    const double tx = ale->tx[slot], ty = ale->ty[slot];
+    add_push(f, j, column, along * (a[0] * tx + a[1] * ty) - bears * D * (a[0] * ty - a[1] * tx));
+  }
+}
+
 static void add_answer(const filling *f, int i, int to, place column, double value) {
   const bd_ale_arc *arc = &f->ale->arcs[i];
   const bd_ale_answer *answer = &f->newton->answers[i][to];
@@ -323,6 +352,7 @@ static void stretch_by(const filling *f, int j, int k, place column, double valu
   const double per = ale->per_stretch[slot];
   const double pull = (ale->bent[slot] - ale->bent[slot - 1]) * per;
   flow_by(f, j, k, column, -0.5 * ale->flow[slot] * per * value);
+  push_by(f, j, slot, column, 0.5 * pull * per * value, 0.0);
   total_by(f, j, k, column, -0.5 * pull * per * value);
 }
 
@@ -382,6 +412,7 @@ static void rub_by(const filling *f, int j, int k, int end, const cell_slopes *b
     double force = half * (by_n * normal[c] + by_s * slip[c]);
     force += c == 2 ? 0.5 * law->force[end][slot] : 0.0;
     total_by(f, j, k + end, columns[c], -force);
+    push_by(f, j, slot + end, columns[c], force, 0.0);
     add_torque(f, j, columns[c], arc->sense * rho * force);
     for (int e = 0; e < states; ++e) {
       const int at = e * f->newton->stride + slot;
@@ -396,6 +427,7 @@ static void rub_by(const filling *f, int j, int k, int end, const cell_slopes *b
     const place z = state_at(f, slot, end, e, states);
     const double force = half * law->by_state[end][at];
     total_by(f, j, k + end, z, -force);
+    push_by(f, j, slot + end, z, force, 0.0);
     add_torque(f, j, z, arc->sense * rho * force);
     add(f, z, z, law->rate_by_state[end][at]);
   }
@@ -431,6 +463,18 @@ static void carry_cell(const filling *f, int j, int k) {
   }
 }
 
+/* What a node's mass bears on its axis along n, over it; of an arc's own part with what its axis
+ * adds. */
+static double bears_of(const filling *f, int j, int slot, int own) {
+  const bd_ale *ale = f->ale;
+  const bd_ale_axis *axis = &ale->arcs[j].axis;
+  const double D = ale->direction, tx = ale->tx[slot], ty = ale->ty[slot], nx = D * ty;
+  const double ny = -D * tx, turn = D * ale->turn[slot];
+  const double of_axis =
+      axis->known[0] * nx + axis->known[1] * ny + turn * (axis->v[0] * tx + axis->v[1] * ty);
+  return -turn * f->y->v[slot] - ale->gravity[0] * nx - ale->gravity[1] * ny + own * of_axis;
+}
+
 static void fill_cell(const filling *f, int j, int k) {
   const bd_ale *ale = f->ale;
   const bd_ale_arc *arc = &ale->arcs[j];
@@ -448,9 +492,13 @@ static void fill_cell(const filling *f, int j, int k) {
     total_by(f, j, k + end, metres,
              sign * (by.tension - 2.0 * ale->bent[slot] / m * per) +
                  through * apart / stretch * by.stretch + half * by_mass(f, slot + end));
+    push_by(f, j, slot + end, metres, -sign * (by.tension - 2.0 * ale->bent[slot] / m * per),
+            half * bears_of(f, j, slot + end, 1) - ale->carried_n[slot] / stretch * by.stretch);
     for (int c = 0; c < 2; ++c) {
       const double pulls = c == 0 ? -by.tension_by_v : by.tension_by_v;
       total_by(f, j, k + end, node_at(f, slot + c), sign * pulls - carries[c]);
+      push_by(f, j, slot + end, node_at(f, slot + c), -sign * pulls,
+              arc->half_turn * (quarter * (ale->slid[slot] + ale->slid[slot + 1]) + through));
     }
     if (arc->friction.law != BD_LAW_NONE) {
       rub_by(f, j, k, end, &by);
@@ -529,6 +577,73 @@ static void prepare_answers(const filling *f, int i) {
   }
 }
 
+/* Of span i the forces on both axes by a column, but for what its modes' rates add. */
+static void push_by_span(const filling *f, int i, place column, const span_move *by,
+                         double pressing) {
+  const bd_ale *ale = f->ale;
+  const bd_ale_span *span = &ale->spans[i];
+  const bd_ale_arc *arcs[2] = {&ale->arcs[i], &ale->arcs[ale->arcs[i].next]};
+  const int nodes[2] = {arcs[0]->begin + arcs[0]->n, arcs[1]->begin};
+  const double lift = pressing / ale->rest * span->tilt / span->length;
+  const double per = 4.0 * ale->density / span->stretch, half = 0.5 * ale->density;
+  const double across = ale->across[nodes[1]] - ale->across[nodes[0]];
+  double rates[2], sum = 0.0, sum_by = 0.0;
+  for (int end = 0; end < 2; ++end) {
+    const bd_ale_axis *axis = &arcs[end]->axis;
+    rates[end] =
+        axis->known[0] * span->n[0] + axis->known[1] * span->n[1] +
+        ale->direction * span->turning * (axis->v[0] * span->e[0] + axis->v[1] * span->e[1]);
+  }
+  for (int n = 0; n < ale->modes; ++n) {
+    sum += ale->odd[n] * span->da[n];
+    sum_by += ale->odd[n] * by->p[n];
+  }
+  const double swings =
+      per * (by->past * sum + span->past * sum_by - by->stretch / span->stretch * span->past * sum);
+  const double carries =
+      half / span->stretch * across * (by->past - span->past * by->stretch / span->stretch);
+  for (int end = 0; end < 2; ++end) {
+    double gives = ale->left_over[end] * rates[0] + ale->left_over[1 + end] * rates[1];
+    for (int n = 0; n < ale->modes; ++n) {
+      gives += 0.5 * ale->parts[end][n] * span->dp[n];
+    }
+    const double sign = end == 0 ? 1.0 : -1.0;
+    const double push = ale->density * by->m * gives + sign * (swings - lift);
+    const int j = end == 0 ? i : ale->arcs[i].next;
+    const double bears = half * by->m * bears_of(f, j, nodes[end], 0);
+    push_by(f, j, nodes[end], column, 0.0, push + bears + carries);
+  }
+}
+
+/* What rates of a span's modes do to the axes at its ends, by all that they depend on. */
+static void push_by_modes(const filling *f, int i) {
+  const bd_ale *ale = f->ale;
+  const bd_ale_ring *ring = &f->newton->ring;
+  const bd_ale_span *span = &ale->spans[i];
+  const int K = ale->modes, slot = ale->arcs[i].begin + ale->arcs[i].n;
+  const int b = f->newton->cell_block[slot];
+  const bd_ale_block *block = &ring->blocks[b];
+  const int beside[3] = {(b + ring->n - 1) % ring->n, b, (b + 1) % ring->n};
+  const double *const parts[3] = {block->back, block->own, block->ahead};
+  for (int end = 0; end < 2; ++end) {
+    const int j = end == 0 ? i : ale->arcs[i].next;
+    const double *a = ale->arcs[j].axis.lever;
+    const double lever = a[0] * span->n[0] + a[1] * span->n[1];
+    for (int n = 0; n < K && lever != 0.0; ++n) {
+      const double share = -0.5 * ale->density * f->y->m[slot] * ale->parts[end][n] * lever;
+      for (int p = 0; p < 3; ++p) {
+        for (int c = 0; c < ring->blocks[beside[p]].n; ++c) {
+          add_push(f, j, (place){beside[p], c}, share * parts[p][c * block->n + 3 + K + n]);
+        }
+      }
+      for (int rim = 0; rim < ale->np; ++rim) {
+        add_push(f, j, rim_of(rim),
+                 share * f->newton->column[rim * ring->unknowns + block->at + 3 + K + n]);
+      }
+    }
+  }
+}
+
 static void fill_span(const filling *f, int i) {
   const bd_ale *ale = f->ale;
   const bd_ale_span *span = &ale->spans[i];
@@ -559,6 +674,10 @@ static void fill_span(const filling *f, int i) {
     }
     by.stretch = by.elastic / EA;
     carries -= through * apart / span->stretch * by.stretch;
+    const double thrown = ale->density * span->past / span->stretch;
+    push_by_span(f, i, column, &by,
+                 by.elastic + thrown * span->past / span->stretch * by.stretch -
+                     2.0 * thrown * by.past);
     const bd_ale_answer own = answer_of(f, i, &by);
     for (int end = 0; end < 2; ++end) {
       const int j = end == 0 ? i : arc->next, k = end == 0 ? arc->n : 0;
@@ -587,6 +706,8 @@ void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_ker
   memset(newton->column, 0, (size_t)(ale->np * ring->unknowns) * sizeof(double));
   memset(newton->row, 0, (size_t)(ale->np * ring->unknowns) * sizeof(double));
   memset(newton->own, 0, (size_t)ale->np * sizeof(double));
+  memset(newton->push, 0, (size_t)(ale->np * ring->unknowns) * sizeof(double));
+  memset(newton->push_by_rim, 0, (size_t)(ale->np * ale->np) * sizeof(double));
   for (int i = 0; i < ale->np; ++i) {
     prepare_answers(&f, i);
   }
@@ -603,5 +724,81 @@ void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_ker
       }
     }
     fill_span(&f, j);
+  }
+  for (int j = 0; ale->moving && j < ale->np; ++j) {
+    push_by_modes(&f, j);
+  }
+}
+
+void bd_ale_rate(bd_ale *ale, const bd_ale_kernels *kernels, const bd_ale_state *y,
+                 const bd_ale_state *dy) {
+  if (ale->moving) {
+    kernels->place(ale);
+  }
+  kernels->stretch(ale, y);
+  for (int j = 0; j < ale->np; ++j) {
+    kernels->rub[ale->arcs[j].friction.law](ale, j, y, dy);
+  }
+  kernels->move(ale, y, dy);
+}
+
+static double push_of(const bd_ale_arc *arc) {
+  return arc->force[0] * arc->axis.lever[0] + arc->force[1] * arc->axis.lever[1];
+}
+
+/* (a - b) / h, into a: all of a state lies together. */
+static void subtract(const bd_ale_newton *newton, const bd_ale_state *a, const bd_ale_state *b,
+                     double h) {
+  const size_t n = newton->state_size;
+  for (size_t k = 0; k < n; ++k) {
+    a->m[k] = (a->m[k] - b->m[k]) / h;
+  }
+}
+
+/* Forward differences: a travel by 1e-7 of the radius over its lever, as much of the speed that
+ * belongs to it; lost are 1e-7 of the column, and rounding, 1e-16 / 5e-3 of a tension over 1e-7. */
+static void difference(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
+                       const bd_ale_state *y, const bd_ale_state *dy, const bd_ale_state *scratch,
+                       int j, int of) {
+  const int unknowns = newton->ring.unknowns, np = ale->np;
+  bd_ale_arc *arc = &ale->arcs[j];
+  const bd_ale_axis kept = arc->axis;
+  const double lever = hypot(kept.lever[0], kept.lever[1]);
+  const double h = (of == 0 ? 1e-4 * sqrt(ale->rest / ale->density) : 1e-6 * arc->radius) / lever;
+  double *column = newton->moved[of] + j * unknowns, *torque = newton->torque_by[of] + j;
+  double *push = newton->push_by[of] + j;
+  for (int k = 0; k < np; ++k) {
+    torque[k * np] = ale->arcs[k].torque;
+    push[k * np] = push_of(&ale->arcs[k]);
+  }
+  for (int x = 0; x < 2; ++x) {
+    if (of == 0) {
+      arc->axis.v[x] += h * kept.lever[x];
+      arc->axis.known[x] += h * (2.0 * kept.speed + h) * kept.bend[x];
+    } else {
+      arc->axis.c[x] += h * kept.lever[x];
+      arc->axis.v[x] += h * kept.speed * kept.bend[x];
+      arc->axis.lever[x] += h * kept.bend[x];
+    }
+  }
+  bd_ale_rate(ale, kernels, y, scratch);
+  for (int k = 0; k < np; ++k) {
+    torque[k * np] = (ale->arcs[k].torque - torque[k * np]) / h;
+    push[k * np] = (push_of(&ale->arcs[k]) - push[k * np]) / h;
+  }
+  arc->axis = kept;
+  subtract(newton, scratch, dy, h);
+  bd_ale_gather(newton, ale, scratch, column);
+}
+
+void bd_ale_linearise_axes(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
+                           const bd_ale_state *y, const bd_ale_state *dy,
+                           const bd_ale_state *scratch) {
+  for (int j = 0; j < ale->np; ++j) {
+    const double *a = ale->arcs[j].axis.lever;
+    for (int of = 0; of < 2 && (a[0] != 0.0 || a[1] != 0.0); ++of) {
+      difference(newton, ale, kernels, y, dy, scratch, j, of);
+      bd_ale_rate(ale, kernels, y, scratch);
+    }
   }
 }

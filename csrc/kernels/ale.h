@@ -27,9 +27,10 @@ typedef struct bd_ale_table {
 /* The axis of a pulley at an evaluation. */
 typedef struct bd_ale_axis {
   double c[2], v[2];
-  double known[2]; /* its acceleration but for that of the travel, */
-  double lever[2]; /* along which that moves it; 0: nothing does */
-  double omega;    /* of what the belt runs on */
+  double known[2];       /* its acceleration but for that of the travel, */
+  double lever[2];       /* along which that moves it; 0: nothing does */
+  double bend[2], speed; /* by how much that turns with the travel; of the travel */
+  double omega;          /* of what the belt runs on */
 } bd_ale_axis;
 
 typedef struct bd_ale_arc {
@@ -81,11 +82,12 @@ typedef struct bd_ale_span {
   X(slid)                                                                                          \
   X(past) /* nodes: t, Omega, V.n, w, c */                                                         \
   X(flow)                                                                                          \
-  X(per_stretch)                               /* J, 1 / lambda */                                 \
-      X(sink) X(stretch) X(elastic) X(tension) /* cells: d, lambda, T without damping, T */        \
-      X(pressing) X(bent)                      /* H, energy of bending per metre */                \
-      X(force_a) X(force_b)                    /* of friction */                                   \
-      X(carried_t) X(carried_n) X(total)       /* F (u' - u) along t, n; what moves nodes */
+  X(per_stretch) /* J, 1 / lambda */                                                               \
+  X(sink)                                                                                          \
+  X(stretch) X(elastic) X(tension)       /* cells: d, lambda, T without damping, T */              \
+      X(pressing) X(bent)                /* H, energy of bending per metre */                      \
+      X(force_a) X(force_b)              /* of friction */                                         \
+      X(carried_t) X(carried_n) X(total) /* F (u' - u) along t, n; what moves nodes */
 
 typedef struct bd_ale {
   int np, modes, slots, cells;

@@ -355,6 +355,10 @@ static void spread_out(const scene *s, double *dense) {
 }
 
 /* Rates at x, with an unknown changed; torques into `torque`. */
+static double push_of(const bd_ale_arc *arc) {
+  return arc->force[0] * arc->axis.lever[0] + arc->force[1] * arc->axis.lever[1];
+}
+
 static void rates_at(scene *s, const bd_ale_kernels *kernels, int u, double by, double *out,
                      double *torque) {
   const double kept = s->x[u];
@@ -364,6 +368,7 @@ static void rates_at(scene *s, const bd_ale_kernels *kernels, int u, double by, 
   bd_ale_gather(&s->newton, &s->ale, &s->dy, out);
   for (int j = 0; j < s->np; ++j) {
     torque[j] = s->ale.arcs[j].torque;
+    torque[PULLEYS + j] = push_of(&s->ale.arcs[j]);
   }
   s->x[u] = kept;
 }
@@ -375,7 +380,9 @@ static double worst_entry;
 static void check_jacobian(scene *s, int k, const bd_ale_kernels *kernels, double allowed) {
   const int n = s->newton.ring.unknowns;
   static const double EPS = 1e-5;
-  double above[PULLEYS], below[PULLEYS], most[PULLEYS] = {0.0}, off[PULLEYS] = {0.0};
+  double above[2 * PULLEYS], below[2 * PULLEYS];
+  int worst_of_push[PULLEYS] = {0};
+  double most[2 * PULLEYS] = {0.0}, off[2 * PULLEYS] = {0.0};
   set_scales(s);
   bd_ale_gather(&s->newton, &s->ale, &s->y, s->x);
   evaluate(s, kernels, 1);
@@ -401,6 +408,14 @@ static void check_jacobian(scene *s, int k, const bd_ale_kernels *kernels, doubl
       const double slope = (above[j] - below[j]) / (2.0 * EPS);
       off[j] = fmax(off[j], fabs(slope - s->newton.row[j * n + u] * s->sizes[u]));
       most[j] = fmax(most[j], fabs(slope));
+      const int at_push = PULLEYS + j;
+      const double pushes = (above[at_push] - below[at_push]) / (2.0 * EPS);
+      const double apart = fabs(pushes - s->newton.push[j * n + u] * s->sizes[u]);
+      if (apart > off[at_push]) {
+        off[at_push] = apart;
+        worst_of_push[j] = u;
+      }
+      most[at_push] = fmax(most[at_push], fabs(pushes));
     }
   }
   int told = 0;
@@ -430,6 +445,20 @@ static void check_jacobian(scene *s, int k, const bd_ale_kernels *kernels, doubl
       printf("%s, state %d: torque %d by the belt %.2g off\n", s->name, k, j, apart);
     }
   }
+  for (int j = 0; j < s->np; ++j) {
+    const double apart = off[PULLEYS + j] / (most[PULLEYS + j] + 1e-300);
+    worst_entry = fmax(worst_entry, apart);
+    if (!(apart <= allowed)) {
+      const int u = worst_of_push[j];
+      int cb = 0;
+      while (cb + 1 < s->newton.ring.n && s->newton.ring.blocks[cb + 1].at <= u)
+        ++cb;
+      ++failures;
+      printf("%s, state %d: push %d by %d.%d (of %d) %.2g off of %g; has %g\n", s->name, k, j, cb,
+             u - s->newton.ring.blocks[cb].at, s->newton.ring.blocks[cb].n, apart,
+             most[PULLEYS + j], s->newton.push[j * n + u] * s->sizes[u]);
+    }
+  }
   /* columns of the rims */
   for (int j = 0; j < s->np; ++j) {
     const double h =
@@ -446,6 +475,12 @@ static void check_jacobian(scene *s, int k, const bd_ale_kernels *kernels, doubl
       largest = fmax(largest, fabs(slope));
     }
     compare(s, k, "column of a rim", largest > 0.0 ? apart / largest : apart, allowed);
+    for (int i = 0; i < s->np; ++i) {
+      const double pushes = (above[PULLEYS + i] - below[PULLEYS + i]) / (2.0 * h);
+      const double has = s->newton.push_by_rim[i * s->np + j];
+      compare(s, k, "push by a rim",
+              fabs(pushes - has) / (fabs(pushes) + 1e-3 * s->ale.rest / h * EPS), allowed);
+    }
     const double slope = (above[j] - below[j]) / (2.0 * h);
     compare(s, k, "torque by the rim", fabs(slope - s->newton.own[j]) / (fabs(slope) + 1e-12),
             allowed);
@@ -458,7 +493,7 @@ static void check_jacobian(scene *s, int k, const bd_ale_kernels *kernels, doubl
 
 static void check_state(scene *s, int k, const bd_ale_kernels *kernels) {
   double dm[MOST], dv[MOST], dz[MOST], da[MOST], dp[MOST], torque[MOST], share[MOST], axis[MOST];
-  double tension[MOST], flow[MOST], pressing[MOST], span[MOST], wrap[MOST], is[MOST], lever[MOST];
+  double tension[MOST], flow[MOST], pressing[MOST], span[MOST], wrap[MOST], is[MOST] = {0.0}, lever[MOST];
   double known[MOST], places[MOST];
   const int N = on_arcs(s);
   read_state(s);
@@ -483,14 +518,19 @@ static void check_state(scene *s, int k, const bd_ale_kernels *kernels) {
   for (int e = 0; e < 5; ++e) {
     stored[e] = read_number(terms[e]);
   }
+  double bend[MOST], speed[MOST];
   read_numbers("places", places);
+  read_numbers("bend", bend);
+  read_numbers("speed", speed);
   for (int j = 0; j < s->np; ++j) {
     for (int x = 0; x < 2; ++x) {
       s->ale.arcs[j].axis.c[x] = places[2 * j + x];
       s->ale.arcs[j].axis.v[x] = axis[2 * j + x];
       s->ale.arcs[j].axis.lever[x] = lever[2 * j + x];
       s->ale.arcs[j].axis.known[x] = known[2 * j + x];
+      s->ale.arcs[j].axis.bend[x] = bend[2 * j + x];
     }
+    s->ale.arcs[j].axis.speed = speed[j];
   }
   evaluate(s, kernels, 1);
   const bd_ale_energy has = bd_ale_energy_of(&s->ale, &s->y);
