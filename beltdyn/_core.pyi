@@ -52,17 +52,27 @@ MAX_STRAIN: float
 GRAVITY: float  # on a hung weight [N/kg]
 MAX_LINKS: int
 
+# Arguments are checked: TypeError or ValueError names the argument and its rule. What a run fails
+# by is SimulationError. Arrays are new ones, states are copied.
+
+#: Of each pulley: angle at which the belt arrives, angle over which it lies, length of the span
+#: that follows, sense of the turn; then the length of the line, and its turns.
 def belt_line(
     centers: ArrayLike,
     radii: ArrayLike,
     outside: Sequence[bool] | None = None,
     names: Sequence[str | None] | None = None,
 ) -> tuple[tuple[tuple[float, float, float, int], ...], float, int]: ...
+
+#: How axes at the centers move with the travel: of an angle its lever [m], else 1.
 def mount_directions(
     kind: str, pair: tuple[float, float], centers: ArrayLike, /
 ) -> NDArray[np.float64]: ...
 def kernel_level() -> str: ...
 def check_parameter(group: str, name: str, label: str, value: float, /) -> None: ...
+
+#: force [N], rate of the state, and how both change: by_normal, by_state, by_slip, rate_by_normal,
+#: rate_by_state, rate_by_slip; z, v [m/s], normal [N] of shape (n,). element: of a law of several.
 def friction_law(
     friction: FrictionLaw,
     link_length: float,
@@ -71,7 +81,11 @@ def friction_law(
     normal: ArrayLike,
     element: int = 0,
 ) -> dict[str, NDArray[np.float64]]: ...
+
+#: States of a link, after a check of the numbers; 0: a function of slip velocity and normal force.
 def friction_states(friction: FrictionLaw) -> int: ...
+
+#: (n_t, n_pulleys) [N], NaN where a span has no joint between two links that touch nothing.
 def span_tension(
     pulley: NDArray[np.int32], force: NDArray[np.float64], n_pulleys: int
 ) -> NDArray[np.float64]: ...
@@ -131,6 +145,9 @@ class Model:
     def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy" in its runs
     @property
     def friction(self) -> tuple[tuple[str, float, float], ...]: ...  # law, kinetic, slip; by pulley
+    # The Jacobian, of rate() at constant torques, takes contact and friction on the side of their
+    # kinks on which the state stands; its rows and columns count the numbers of all STATE_FIELDS,
+    # one field after the other. solve: k of (1 - g J) k = g c.
     def rate(self, state: StateDict, torque: ArrayLike) -> dict[str, Any]: ...
     def set_going(self, state: StateDict, speed: float) -> dict[str, Any]: ...
     def observe(self, state: StateDict, /) -> dict[str, NDArray[Any]]: ...  # OUTPUTS, one row
@@ -140,7 +157,13 @@ class Model:
     ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]: ...
 
 class Simulation:
-    """One run. Not to be advanced from two threads at once (RuntimeError)."""
+    """One run. Not to be advanced from two threads at once (RuntimeError).
+
+    step: of "rk4", "lbdf2", "lie", or the first step [s]; 0: chosen, as max_step and max_steps.
+    breakpoints: more times [s] at which to stop exactly. torque_interval: longest time between two
+    calls of a function [s]. guards: False, to measure what they cost. Motions are called for times
+    within the run, some twice.
+    """
 
     def __init__(
         self,
@@ -160,6 +183,9 @@ class Simulation:
         guards: bool = True,
         motion: Sequence[MotionTerm] = (),
     ) -> None: ...
+    # offset (n_p, 2) [m]: the centres start displaced by this and move in during move_time [s].
+    # shift: link 0 is laid this far past its place along the belt line [m]. tolerance: at rest when
+    # the unbalanced force is below this times the mean tension. speed: of a belt that runs [m/s].
     @classmethod
     def settle(
         cls,
@@ -179,12 +205,13 @@ class Simulation:
         self, t: ArrayLike, outputs: Collection[str] | None = None
     ) -> dict[str, NDArray[Any]]:
         """Attach sample times; returns the arrays (OUTPUTS by name, and "pulley" int32) that the
-        run fills row by row. Outputs: names of those wanted, "span_tension" and "across" only if
-        named.
+        run fills row by row, NaN and -1 until then. Outputs: names of those wanted, "span_tension"
+        and "across" only if named. Once, before the run; after KeyboardInterrupt again.
         """
     def advance(self, seconds: float) -> bool:
-        """Run for about this much wall time [s] and answer signals; True at the end of the run.
-        The GIL is held only while a Python function is called. KeyboardInterrupt after stop().
+        """Run for about this much wall time [s], a step at least, and answer signals; True at the
+        end of the run. The GIL is held only while a Python function is called. KeyboardInterrupt
+        after stop(). An exception of a callable comes out unchanged and ends the run.
         """
     def stop(self) -> None:
         """End the run soon, from any thread: advance() raises KeyboardInterrupt, now or later."""
@@ -210,7 +237,9 @@ class Simulation:
     def export_record(self) -> bytes:
         """Give all that the run needs to continue bit for bit, in another process too."""
     def import_record(self, record: bytes | bytearray | memoryview, /) -> None:
-        """Continue from a record, in a new simulation of the same model, motion and so on."""
+        """Continue from a record, in a new simulation of the same model, motion and so on, whose
+        sample times are set; those up to the record's time are left out.
+        """
     def time_passes(self, rounds: int, /) -> list[tuple[str, float, float]]:
         """Measure the passes of a step: name, calls a step, seconds a call; ends the run. Last
         the whole step.

@@ -30,7 +30,6 @@ __all__ = [
     "Stats",
     "absent_groups",
     "histories",
-    "lacking",
 ]
 
 
@@ -420,11 +419,6 @@ def absent_groups(params: Any) -> set[str]:
     return {group for group, _, size in _ROWS if params._having.get(size) == ()}
 
 
-def lacking(params: Any) -> set[str]:
-    """Give the outputs that belts of this drive's model do not have."""
-    return {f"{row[0]}.{row[1]}" for row in _ROWS if row[2] in params._belt_facts["lacks"]}
-
-
 def histories(
     t: Array,
     arrays: Mapping[str, NDArray[Any]],
@@ -434,8 +428,8 @@ def histories(
 ) -> dict[str, Any]:
     """Give the groups by name, from what the core has sampled.
 
-    "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Groups
-    hold what the drive's belt has and, of a run that was asked for some outputs only, these.
+    "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Of a run
+    that was asked for some outputs only, groups hold these.
 
     Args:
         t: Sample times (n_t,) [s].
@@ -448,11 +442,11 @@ def histories(
         KeyError, TypeError: The core has an output for which there is no group or no field, or the
             other way round.
     """
-    left_out, lacks = absent_groups(params), lacking(params)
+    left_out = absent_groups(params)
     columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in _ROWS}
     for group, name, size in _ROWS:
         asked = names is None or f"{group}.{name}" in names
-        if not asked or group in left_out or f"{group}.{name}" in lacks:
+        if not asked or group in left_out:
             continue
         if size in ("FRICTION", "SLIPS") and name not in arrays:
             columns[group][name] = np.broadcast_to(0.0, (t.size, params.belt.n_bodies))

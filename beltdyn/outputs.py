@@ -9,11 +9,22 @@ The error of the mesh, and its warning, are of what every run samples.
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import Any
 
 from . import _core
 from .histories import GROUPS
 
-__all__ = ["EVERY_RUN", "LEDGER", "SPANS", "array_names", "chosen", "has", "of_core", "unchecked"]
+__all__ = [
+    "EVERY_RUN",
+    "LEDGER",
+    "SPANS",
+    "array_names",
+    "chosen",
+    "has",
+    "of_belt",
+    "of_core",
+    "unchecked",
+]
 
 #: Computed from joints and contact, and the ledger, which is one output; the rest are arrays.
 SPANS, LEDGER = "span_tension", "energy"
@@ -75,6 +86,17 @@ def chosen(outputs: object, ledger: bool) -> tuple[str, ...] | None:
     if LEDGER in asked and not ledger:
         raise ValueError('outputs asks for "energy", the ledger, and ledger=False leaves it out')
     return tuple(name for name in every if name in asked)
+
+
+def of_belt(names: Collection[str] | None, params: Any, ledger: bool) -> tuple[str, ...] | None:
+    """Leave out what the belt of a drive lacks; None, everything, where it lacks nothing."""
+    sizes = params._belt_facts["lacks"]
+    if not sizes:
+        return None if names is None else tuple(names)
+    lacks = {f"{group}.{name}" for name, group, size, *_ in _core.OUTPUTS if size in sizes}
+    lacks |= set() if ledger else {LEDGER}
+    every = (name for found in array_names().values() for name in found)
+    return tuple(name for name in every if name not in lacks and (names is None or name in names))
 
 
 def _listed() -> str:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from . import _core, npz
 from .accuracy_report import WORDS, Accuracy, QuantityError
 from .exported import RESULTS
-from .histories import GROUPS, Stats, absent_groups, lacking
+from .histories import GROUPS, Stats, absent_groups
 from .labelled import described
 from .outputs import LEDGER, SPANS, chosen
 from .params import Params
@@ -243,7 +243,6 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
 
     without = {f"energy.{name}" for name, *_ in _core.ENERGY_TERMS}
     without -= {f"energy.{name}" for name in params._model.energy_terms}
-    without |= lacking(params)
     for name in sorted(without & values.keys()):
         raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
     kept = meta["outputs"]

@@ -26,8 +26,11 @@ RIMS = 0.01
 SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
 #: Those that can have several rows, each of all links.
 ROWS = ("STATES", "SLOTS")
-#: Which array of a size says how many values there are; of several rows the first of all.
-_FIRST = {size: name for name, size in reversed(SIZES.items())} | dict.fromkeys(ROWS, "n_bodies")
+#: Which array of a size says how many values there are.
+_FIRST = {size: name for name, size in reversed(SIZES.items())} | {
+    "SLOTS": "x",
+    "STATES": "n_bodies",
+}
 #: Those that only some drives have.
 PARTS = tuple(size for size in _FIRST if size not in ("LINKS", "PULLEYS", *ROWS))
 
@@ -40,12 +43,11 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
         several = SIZES[name] in ROWS
 
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
-            first = getattr(state, like)
-            expected = (first,) if several else first.shape
+            expected = (state.n_bodies,) if like == "n_bodies" else getattr(state, like).shape
             if value.shape[-1:] != expected:
                 raise ValueError(
                     f"State.{name} must have shape {expected} like "
-                    f"{'x' if several else like}, got {value.shape}"
+                    f"{like.replace('n_bodies', 'x')}, got {value.shape}"
                 )
 
         return {

@@ -143,13 +143,14 @@ def test_an_array_that_was_not_asked_for_says_so(rest: bd.State) -> None:
 
 def test_what_a_belt_lacks_is_absent_by_name() -> None:
     """Without nodes that move, or without slip, a belt has no such arrays, and no zeros."""
-    run_of = SimpleNamespace(
-        _having={"MOUNTS": (), "COUPLINGS": ()},
-        _belt_facts={"lacks": ("LINKS", "SLIPS")},
-        belt=SimpleNamespace(n_bodies=2),
+    drive = SimpleNamespace(
+        _having={"MOUNTS": (), "COUPLINGS": ()}, _belt_facts={"lacks": ("LINKS", "SLIPS")}
     )
+    there = outputs.of_belt(None, drive, ledger=True)
+    assert there and outputs.of_belt(("belt.x", "energy"), drive, ledger=True) == ("energy",)
     names = [name for name, *_ in _core.OUTPUTS if name != "energy"]
-    found = histories(np.zeros(1), dict.fromkeys([*names, "pulley"], np.ones((1, 2))), (), run_of)
+    arrays = dict.fromkeys([*names, "pulley"], np.ones((1, 2)))
+    found = histories(np.zeros(1), arrays, (), drive, there)
     assert set(found["belt"].arrays()) == set() and found["mounts"] is None
     assert set(found["contact"].arrays()) == {"normal", "friction", "mu", "velocity", "pulley"}
     with pytest.raises(AttributeError, match=r"^contact\.slip was not .* all that its belt has$"):

@@ -64,7 +64,7 @@ typedef struct bd_layout {
 } bd_layout;
 
 static inline int bd_has_field(const bd_layout *lay, int field) {
-  return field >= F_THETA || (lay->fields >> field & 1u);
+  return field >= F_MU || (lay->fields >> field & 1u);
 }
 
 static inline void bd_place_fields(bd_layout *lay, unsigned fields) {

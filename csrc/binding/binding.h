@@ -30,6 +30,8 @@ int bd_core_add_simulation(PyObject *module, bd_core_module *state);
 /* Raises what a negative code of the core stands for (the kind of its row in BD_ERRORS). Returns
  * NULL always. Of kind CALL the pending exception is left as it is. */
 PyObject *bd_core_raise(int code, const bd_error *err);
+/* What a function of the core has made, whose reference is taken; of a negative code that. */
+PyObject *bd_core_result(PyObject *result, int code, const bd_error *err);
 PyObject *bd_core_belt_line(PyObject *module, PyObject *args, PyObject *keywords);
 
 /* The row of a method that takes keywords. */
@@ -74,7 +76,6 @@ extern const char *const bd_core_meshes[], *const bd_core_belt_models[]; /* name
 int bd_core_read_group(PyObject *object, const char *group, const char *label, void *record);
 /* A friction law, (name, tuple of its parameters); None: law 0. `label`: its name in messages. */
 int bd_core_read_friction(PyObject *object, const char *label, bd_friction *friction);
-int bd_core_read_gravity(PyObject *object, double gravity[2]);
 /* A mount, (kind, place, numbers); arrays that it points to stay in the list `keep`. */
 int bd_core_read_mount(PyObject *entry, const char *label, bd_mount *mount, PyObject *keep);
 PyObject *bd_core_mount_directions(PyObject *module, PyObject *args);
@@ -96,27 +97,13 @@ typedef struct {
 
 /* --- states ---------------------------------------------------------------------------------- */
 
-enum {
-#define X(symbol, name, size, scale, unit, text) BD_CORE_STATE_##name,
-  BD_STATE_FIELDS(X)
-#undef X
-      BD_CORE_N_STATE
-};
-
-/* A bd_state and the arrays its pointers point into. */
-typedef struct {
-  bd_state state;
-  PyArrayObject *arrays[BD_CORE_N_STATE];
-} bd_core_state;
-
-/* From a mapping with "t" and every field, checked. The arrays may be the caller's own: the core
- * copies them before the GIL is released. */
-int bd_core_state_read(bd_core_state *out, PyObject *mapping, const bd_info *info);
-/* Fresh arrays for the core to write to. */
-int bd_core_state_new(bd_core_state *out, const bd_info *info);
-/* A dict of the arrays by name, and "t" if asked for. */
-PyObject *bd_core_state_dict(const bd_core_state *state, int with_time);
-void bd_core_state_release(bd_core_state *state);
+/* A state whose arrays a new dict holds, by the names of its fields; NULL with an exception. From a
+ * mapping with "t" and every field, checked: the arrays may be the caller's own, but the core
+ * copies them before the GIL is released. Fresh arrays for the core to write to. */
+PyObject *bd_core_state_read(bd_state *out, PyObject *mapping, const bd_info *info);
+PyObject *bd_core_state_new(bd_state *out, const bd_info *info);
+/* "t" and the fields of a dict, whose reference is taken; NULL for NULL. */
+PyObject *bd_core_state_timed(PyObject *fields, const bd_state *state);
 
 /* --- outputs --------------------------------------------------------------------------------- */
 

@@ -10,7 +10,7 @@
 
 /* --- scalars --------------------------------------------------------------------------------- */
 
-static int refuse(PyObject *object, const char *name, const char *rule) {
+int bd_convert_refuse(PyObject *object, const char *name, const char *rule) {
   PyErr_Format(PyExc_TypeError, "%s must be %s, got %.100s", name, rule, Py_TYPE(object)->tp_name);
   return -1;
 }
@@ -75,7 +75,7 @@ int bd_convert_real(PyObject *object, const char *name, double *out) {
     return 0;
   }
   if (!is_real_scalar(object)) {
-    return refuse(object, name, "a real number");
+    return bd_convert_refuse(object, name, "a real number");
   }
   if (PyArray_Check(object) && refuse_masked(object, name) < 0) {
     return -1;
@@ -111,7 +111,7 @@ int bd_convert_finite(PyObject *object, const char *name, double *out) {
 static PyObject *as_integer(PyObject *object, const char *name) {
   if (PyBool_Check(object) || PyArray_IsScalar(object, Bool) || !PyIndex_Check(object) ||
       (PyArray_Check(object) && !PyArray_ISINTEGER((PyArrayObject *)object))) {
-    refuse(object, name, "an integer");
+    bd_convert_refuse(object, name, "an integer");
     return NULL;
   }
   if (PyArray_Check(object) && refuse_masked(object, name) < 0) {
@@ -137,7 +137,7 @@ int bd_convert_long(PyObject *object, const char *name, long *out) {
 
 int bd_convert_bool(PyObject *object, const char *name, int *out) {
   if (!PyBool_Check(object) && !PyArray_IsScalar(object, Bool)) {
-    return refuse(object, name, "True or False");
+    return bd_convert_refuse(object, name, "True or False");
   }
   *out = PyObject_IsTrue(object);
   return *out < 0 ? -1 : 0;
@@ -155,6 +155,59 @@ int bd_convert_address(PyObject *object, const char *name, uintptr_t *out) {
   Py_DECREF(integer);
   *out = value;
   return PyErr_Occurred() ? -1 : 0;
+}
+
+int bd_convert_text(PyObject *object, const char *name, const char **out) {
+  Py_ssize_t length = 0;
+  if (!PyUnicode_Check(object)) {
+    return bd_convert_refuse(object, name, "a str");
+  }
+  *out = PyUnicode_AsUTF8AndSize(object, &length);
+  if (*out && strlen(*out) != (size_t)length) {
+    PyErr_Format(PyExc_ValueError, "%s must not contain a null character", name);
+  }
+  return PyErr_Occurred() ? -1 : 0;
+}
+
+/* --- arguments of a call ---------------------------------------------------------------------- */
+
+static int convert(PyObject *object, const bd_argument *row) {
+  switch (row->kind) {
+  case BD_REAL:
+    return bd_convert_real(object, row->name, row->to);
+  case BD_FINITE:
+    return bd_convert_finite(object, row->name, row->to);
+  case BD_LONG:
+    return bd_convert_long(object, row->name, row->to);
+  case BD_BOOL:
+    return bd_convert_bool(object, row->name, row->to);
+  case BD_STR:
+    return bd_convert_text(object, row->name, row->to);
+  default:
+    *(PyObject **)row->to = object;
+    return 0;
+  }
+}
+
+int bd_convert_arguments(PyObject *args, PyObject *keywords, const char *format,
+                         const bd_argument *rows) {
+  char *names[BD_MAX_ARGUMENTS + 1] = {NULL};
+  PyObject *o[BD_MAX_ARGUMENTS] = {NULL};
+  for (int k = 0; rows[k].name; k++) {
+    names[k] = (char *)rows[k].name;
+  }
+  /* those that the format has no letter for are not looked at */
+  if (!PyArg_ParseTupleAndKeywords(args, keywords, format, names, &o[0], &o[1], &o[2], &o[3], &o[4],
+                                   &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &o[11], &o[12],
+                                   &o[13], &o[14])) {
+    return -1;
+  }
+  for (int k = 0; rows[k].name; k++) {
+    if (o[k] && convert(o[k], &rows[k]) < 0) {
+      return -1;
+    }
+  }
+  return 0;
 }
 
 /* --- arrays ---------------------------------------------------------------------------------- */
@@ -266,4 +319,14 @@ PyArrayObject *bd_convert_array(PyObject *object, const char *name, int ndim,
 out:
   Py_DECREF(given);
   return array;
+}
+
+int bd_convert_numbers(PyObject *object, const char *name, npy_intp n, double *out) {
+  PyArrayObject *array = bd_convert_array(object, name, 1, &n);
+  if (!array) {
+    return -1;
+  }
+  memcpy(out, PyArray_DATA(array), (size_t)n * sizeof *out);
+  Py_DECREF(array);
+  return 0;
 }

@@ -28,6 +28,9 @@
 
 /* All return 0, or -1 with an exception that names the argument. */
 
+/* A TypeError: it must be what the rule says, and its type is another. */
+int bd_convert_refuse(PyObject *object, const char *name, const char *rule);
+
 /* A real number: float, int, a NumPy scalar, anything with __float__; no bool, str, complex and
  * nothing masked. */
 int bd_convert_real(PyObject *object, const char *name, double *out);
@@ -39,6 +42,23 @@ int bd_convert_long(PyObject *object, const char *name, long *out);
 int bd_convert_bool(PyObject *object, const char *name, int *out);
 /* An address held in a non-negative int. */
 int bd_convert_address(PyObject *object, const char *name, uintptr_t *out);
+/* A str without null characters, as UTF-8 that lives as long as the object. */
+int bd_convert_text(PyObject *object, const char *name, const char **out);
+/* So many numbers of an array (n,), finite. */
+int bd_convert_numbers(PyObject *object, const char *name, npy_intp n, double *out);
+
+/* An argument of a call: what it is converted by, and where it goes if it is given. */
+enum { BD_OBJECT, BD_REAL, BD_FINITE, BD_LONG, BD_BOOL, BD_STR };
+typedef struct bd_argument {
+  const char *name;
+  int kind;
+  void *to; /* PyObject *, double, double, long, int, const char * */
+} bd_argument;
+
+enum { BD_MAX_ARGUMENTS = 15 };
+/* format: PyArg_ParseTupleAndKeywords', with an O for each; the last row is {0}. */
+int bd_convert_arguments(PyObject *args, PyObject *keywords, const char *format,
+                         const bd_argument *rows);
 
 /* Does this hide values behind a mask of numpy.ma, as a list or tuple within it may? NumPy itself
  * would take them for real. -1 with an exception. */

@@ -8,35 +8,25 @@
 #include <limits.h>
 #include <math.h>
 
-const char bd_core_state_doc[] =
-    "state($self, /)\n--\n\n"
-    "The state now, a dict of new arrays: STATE_FIELDS by name, and \"t\" [s].\n\n"
-    "Shapes: LINKS (n_b,), SLOTS (n_slots * n_b,) slot by slot, PULLEYS (n_p,),\n"
-    "MOUNTS (n_m,), COUPLINGS (n_c,).\n"
-    "Raises RuntimeError while the simulation is running.";
+const char bd_core_state_doc[] = "state($self, /)\n--\n\n"
+                                 "The state now, a dict of new arrays, and \"t\" [s].";
 
 PyObject *bd_core_sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {
   bd_core_sim *self = (bd_core_sim *)object;
-  bd_core_state state;
+  bd_state state;
   if (bd_core_enter(self) < 0) {
     return NULL;
   }
-  PyObject *dict = NULL;
-  if (!bd_core_state_new(&state, &self->model->info)) {
-    bd_sim_state(self->sim, &state.state);
-    dict = bd_core_state_dict(&state, 1);
-    bd_core_state_release(&state);
+  PyObject *dict = bd_core_state_new(&state, &self->model->info);
+  if (dict) {
+    bd_sim_state(self->sim, &state);
   }
   bd_core_leave(self);
-  return dict;
+  return bd_core_state_timed(dict, &state);
 }
 
-const char bd_core_export_doc[] =
-    "export_record($self, /)\n--\n\n"
-    "Everything that the run needs to go on bit for bit, as bytes.\n\n"
-    "state() has no step size, history, choice of method and the like. Raises RuntimeError\n"
-    "while the simulation is running or if it settles or has\n"
-    "failed.";
+const char bd_core_export_doc[] = "export_record($self, /)\n--\n\n"
+                                  "Everything that the run needs to go on bit for bit, as bytes.";
 
 PyObject *bd_core_sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
   bd_core_sim *self = (bd_core_sim *)object;
@@ -44,17 +34,15 @@ PyObject *bd_core_sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
     return NULL;
   }
   PyObject *bytes = NULL;
-  if (self->settling) {
-    PyErr_SetString(PyExc_RuntimeError, "settling has no restart record: begin it anew");
+  const size_t size = self->settling ? 0 : bd_sim_export(self->sim, NULL);
+  if (size > 0) {
+    bytes = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)size);
   } else {
-    size_t size = bd_sim_export(self->sim, NULL);
-    if (size > 0) {
-      bytes = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)size);
-    } else {
-      PyErr_SetString(PyExc_RuntimeError,
-                      "a run that ended in an error or in an exception of its torque function has "
-                      "no restart record: it may have been in the middle of a step");
-    }
+    PyErr_SetString(PyExc_RuntimeError,
+                    self->settling
+                        ? "settling has no restart record: begin it anew"
+                        : "a run that ended in an error or in an exception of its torque function "
+                          "has no restart record: it may have been in the middle of a step");
   }
   if (bytes) {
     bd_sim_export(self->sim, PyBytes_AS_STRING(bytes));
@@ -65,31 +53,24 @@ PyObject *bd_core_sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
 
 const char bd_core_import_doc[] =
     "import_record($self, record, /)\n--\n\n"
-    "Go on from a record of export_record(), of this or of another process.\n\n"
-    "The simulation must be new, made with the same model, torque, t_end and options; its\n"
-    "state is replaced. Sample times are set before; those up to the record's time are\n"
-    "left out. Raises TypeError for what is no bytes-like object, ValueError for a record\n"
-    "that is damaged, or of another run or other kernels, RuntimeError if it is too late.";
+    "Go on from a record of export_record(), of this or of another process.";
 
 PyObject *bd_core_sim_import(PyObject *object, PyObject *record) {
   bd_core_sim *self = (bd_core_sim *)object;
+  PyObject *result = NULL;
   Py_buffer view;
   if (PyObject_GetBuffer(record, &view, PyBUF_SIMPLE) < 0) {
     return NULL;
   }
-  int code = -1;
-  bd_error err = {0};
   if (bd_core_enter(self) == 0) {
-    code = bd_sim_import(self->sim, view.buf, (size_t)view.len, &err);
+    bd_error err = {0};
+    const int code = bd_sim_import(self->sim, view.buf, (size_t)view.len, &err);
     bd_core_leave(self);
-    if (code < 0) {
-      bd_core_raise(code, &err);
-    } else {
-      self->started = 1;
-    }
+    self->started |= code >= 0;
+    result = bd_core_result(Py_NewRef(Py_None), code, &err);
   }
   PyBuffer_Release(&view);
-  return code < 0 ? NULL : Py_NewRef(Py_None);
+  return result;
 }
 
 /* --- properties ------------------------------------------------------------------------------ */
@@ -192,11 +173,7 @@ static PyObject *sim_effects(PyObject *object, void *Py_UNUSED(closure)) {
 
 const char bd_core_time_passes_doc[] =
     "time_passes($self, rounds, /)\n--\n\n"
-    "Measure what the passes of a step cost at the state now reached, and end the run.\n\n"
-    "rounds: 1 to 101, over all passes, of which medians are taken; some 2 ms each. A\n"
-    "list of (name, calls a step, seconds a call) in the order of a step, last the whole\n"
-    "step, of which the others are parts. Torque functions are called. Raises ValueError\n"
-    "for bad rounds, RuntimeError before the first step.";
+    "Measure what the passes of a step cost at the state now reached, and end the run.";
 
 PyObject *bd_core_sim_time_passes(PyObject *object, PyObject *argument) {
   bd_core_sim *self = (bd_core_sim *)object;

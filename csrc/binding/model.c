@@ -21,22 +21,14 @@ static const struct {
 #undef X
 };
 
-static npy_intp length_of(int size, const bd_info *info) {
-  return (npy_intp)bd_size(info, size);
+/* The dict takes an array (NULL: failed already) of a field, and the state its numbers. */
+static int put_array(PyObject *dict, bd_state *out, int k, PyArrayObject *array) {
+  double *data = array ? PyArray_DATA(array) : NULL;
+  memcpy((char *)out + state_fields[k].offset, &data, sizeof data);
+  return bd_core_set(dict, state_fields[k].name, (PyObject *)array);
 }
 
-/* Hands an array (NULL: failed already) to the record, which then owns it. */
-static int put_array(bd_core_state *out, int k, PyArrayObject *array) {
-  if (!array) {
-    return -1;
-  }
-  double *data = PyArray_DATA(array);
-  out->arrays[k] = array;
-  memcpy((char *)&out->state + state_fields[k].offset, &data, sizeof data);
-  return 0;
-}
-
-/* A new reference to state[name]; what a plain dict lacks is a ValueError, not a KeyError. */
+/* What a plain dict lacks is a ValueError, not a KeyError. */
 static PyObject *get_field(PyObject *mapping, const char *name) {
   PyObject *value = PyMapping_GetItemString(mapping, name);
   if (!value && PyErr_ExceptionMatches(PyExc_KeyError)) {
@@ -45,72 +37,57 @@ static PyObject *get_field(PyObject *mapping, const char *name) {
   return value;
 }
 
-int bd_core_state_read(bd_core_state *out, PyObject *mapping, const bd_info *info) {
-  *out = (bd_core_state){0};
+/* mapping NULL: fresh arrays, filled with 0, as where it lacks a field that has no numbers. */
+static int read_field(PyObject *dict, bd_state *out, int k, PyObject *mapping,
+                      const bd_info *info) {
+  const char *field = state_fields[k].name;
+  npy_intp length = (npy_intp)bd_size(info, state_fields[k].size);
+  char name[BD_NAME_SIZE];
+  if (!mapping || (length == 0 && !PyMapping_HasKeyString(mapping, field))) {
+    return put_array(dict, out, k, (PyArrayObject *)PyArray_ZEROS(1, &length, NPY_DOUBLE, 0));
+  }
+  PyOS_snprintf(name, sizeof name, "state '%s'", field);
+  PyObject *value = get_field(mapping, field);
+  PyArrayObject *array = value ? bd_convert_array(value, name, 1, &length) : NULL;
+  Py_XDECREF(value);
+  return put_array(dict, out, k, array);
+}
+
+static PyObject *read_fields(bd_state *out, PyObject *mapping, const bd_info *info) {
+  PyObject *dict = PyDict_New();
+  for (size_t k = 0; dict && k < sizeof state_fields / sizeof state_fields[0]; k++) {
+    if (read_field(dict, out, (int)k, mapping, info) < 0) {
+      Py_CLEAR(dict);
+    }
+  }
+  return dict;
+}
+
+PyObject *bd_core_state_read(bd_state *out, PyObject *mapping, const bd_info *info) {
   /* What the language and NumPy index by number passes PyMapping_Check too. */
   if (!PyMapping_Check(mapping) || PyList_Check(mapping) || PyTuple_Check(mapping) ||
       PyUnicode_Check(mapping) || PyBytes_Check(mapping) || PyArray_CheckAnyScalar(mapping) ||
       PyArray_Check(mapping)) {
-    PyErr_Format(PyExc_TypeError, "state must be a mapping of arrays by name, got %.100s",
-                 Py_TYPE(mapping)->tp_name);
-    return -1;
-  }
-  PyObject *value = get_field(mapping, "t");
-  int failed = value ? bd_convert_finite(value, "state 't'", &out->state.t) : -1;
-  Py_XDECREF(value);
-  for (int k = 0; !failed && k < BD_CORE_N_STATE; k++) {
-    char name[BD_NAME_SIZE];
-    npy_intp length = length_of(state_fields[k].size, info);
-    PyOS_snprintf(name, sizeof name, "state '%s'", state_fields[k].name);
-    if (length == 0 && !PyMapping_HasKeyString(mapping, state_fields[k].name)) {
-      failed = put_array(out, k, (PyArrayObject *)PyArray_ZEROS(1, &length, NPY_DOUBLE, 0));
-      continue;
-    }
-    value = get_field(mapping, state_fields[k].name);
-    failed = value ? put_array(out, k, bd_convert_array(value, name, 1, &length)) : -1;
-    Py_XDECREF(value);
-  }
-  if (failed) {
-    bd_core_state_release(out);
-  }
-  return failed;
-}
-
-int bd_core_state_new(bd_core_state *out, const bd_info *info) {
-  *out = (bd_core_state){0};
-  for (int k = 0; k < BD_CORE_N_STATE; k++) {
-    npy_intp length = length_of(state_fields[k].size, info);
-    if (put_array(out, k, (PyArrayObject *)PyArray_ZEROS(1, &length, NPY_DOUBLE, 0)) < 0) {
-      bd_core_state_release(out);
-      return -1;
-    }
-  }
-  return 0;
-}
-
-PyObject *bd_core_state_dict(const bd_core_state *state, int with_time) {
-  PyObject *dict = PyDict_New();
-  if (!dict) {
+    bd_convert_refuse(mapping, "state", "a mapping of arrays by name");
     return NULL;
   }
-  if (with_time && bd_core_set(dict, "t", PyFloat_FromDouble(state->state.t)) < 0) {
-    goto fail;
-  }
-  for (int k = 0; k < BD_CORE_N_STATE; k++) {
-    if (PyDict_SetItemString(dict, state_fields[k].name, (PyObject *)state->arrays[k]) < 0) {
-      goto fail;
-    }
-  }
-  return dict;
-fail:
-  Py_DECREF(dict);
-  return NULL;
+  PyObject *value = get_field(mapping, "t");
+  const int failed = value ? bd_convert_finite(value, "state 't'", &out->t) : -1;
+  Py_XDECREF(value);
+  return failed ? NULL : read_fields(out, mapping, info);
 }
 
-void bd_core_state_release(bd_core_state *state) {
-  for (int k = 0; k < BD_CORE_N_STATE; k++) {
-    Py_CLEAR(state->arrays[k]);
+PyObject *bd_core_state_new(bd_state *out, const bd_info *info) {
+  return read_fields(out, NULL, info);
+}
+
+PyObject *bd_core_state_timed(PyObject *fields, const bd_state *state) {
+  PyObject *dict = fields ? Py_BuildValue("{s:d}", "t", state->t) : NULL;
+  if (dict && PyDict_Update(dict, fields) < 0) {
+    Py_CLEAR(dict);
   }
+  Py_XDECREF(fields);
+  return dict;
 }
 
 /* --- Model ----------------------------------------------------------------------------------- */
@@ -134,58 +111,59 @@ static int read_choice(const char *field, const char *name, const char *const *n
 
 /* All in tp_new, the object last: one that exists is a whole one. */
 static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *arguments[] = {"belt",    "centers", "radii",           "inertias", "contact", "friction",
-                       "gravity", "drag",    "pulley_friction", "mesh",     "outside", "names",
-                       "mounts",  "model",   "couplings",       NULL};
   PyObject *belt, *centers, *radii, *inertias, *contact, *default_friction, *gravity;
   bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None, Py_None, Py_None};
   const char *mesh = "paper", *belt_model = "links";
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOOOO|OOsOOOsO:Model", arguments, &belt,
-                                   &centers, &radii, &inertias, &contact, &default_friction,
-                                   &gravity, &parts.drag, &parts.friction, &mesh, &parts.outside,
-                                   &parts.names, &parts.mounts, &belt_model, &parts.couplings)) {
-    return NULL;
-  }
+  const bd_argument rows[] = {
+      {"belt", BD_OBJECT, &belt},
+      {"centers", BD_OBJECT, &centers},
+      {"radii", BD_OBJECT, &radii},
+      {"inertias", BD_OBJECT, &inertias},
+      {"contact", BD_OBJECT, &contact},
+      {"friction", BD_OBJECT, &default_friction},
+      {"gravity", BD_OBJECT, &gravity},
+      {"drag", BD_OBJECT, &parts.drag},
+      {"pulley_friction", BD_OBJECT, &parts.friction},
+      {"mesh", BD_STR, &mesh},
+      {"outside", BD_OBJECT, &parts.outside},
+      {"names", BD_OBJECT, &parts.names},
+      {"mounts", BD_OBJECT, &parts.mounts},
+      {"model", BD_STR, &belt_model},
+      {"couplings", BD_OBJECT, &parts.couplings},
+      {0},
+  };
   bd_scene scene = {0};
   bd_friction friction = {0};
-  if (bd_core_read_group(belt, "belt", "belt", &scene.belt) < 0 ||
+  bd_core_model *self = NULL;
+  if (bd_convert_arguments(args, keywords, "OOOOOOO|OOOOOOOO:Model", rows) < 0 ||
+      bd_core_read_group(belt, "belt", "belt", &scene.belt) < 0 ||
       bd_core_read_group(contact, "contact", "contact", &scene.contact) < 0 ||
       bd_core_read_friction(default_friction, "friction", &friction) < 0 ||
-      bd_core_read_gravity(gravity, scene.gravity) < 0) {
-    return NULL;
-  }
-  PyObject *keep = PyList_New(0);
-  bd_pulley *pulleys =
-      keep ? bd_core_read_pulleys(centers, radii, inertias, &parts, keep, &scene.n_pulleys) : NULL;
-  if (!pulleys) {
-    Py_XDECREF(keep);
-    return NULL;
-  }
-  scene.pulleys = pulleys;
-  if (read_choice("mesh", mesh, bd_core_meshes, "\"joint\" or \"paper\"", &scene.belt.mesh) < 0 ||
-      read_choice("model", belt_model, bd_core_belt_models, "\"auto\", \"links\" or \"string\"",
-                  &scene.belt.model) < 0) {
-    PyMem_Free(pulleys);
-    Py_DECREF(keep);
+      bd_convert_numbers(gravity, "gravity", 2, scene.gravity) < 0) {
     return NULL;
   }
   scene.friction = default_friction == Py_None ? NULL : &friction;
-
-  bd_error err = {0};
-  bd_model *model = NULL;
-  int code = bd_model_create(&model, &scene, &err);
+  PyObject *keep = PyList_New(0);
+  bd_pulley *pulleys =
+      keep ? bd_core_read_pulleys(centers, radii, inertias, &parts, keep, &scene.n_pulleys) : NULL;
+  scene.pulleys = pulleys;
+  if (pulleys &&
+      read_choice("mesh", mesh, bd_core_meshes, "\"joint\" or \"paper\"", &scene.belt.mesh) == 0 &&
+      read_choice("model", belt_model, bd_core_belt_models, "\"auto\", \"links\" or \"string\"",
+                  &scene.belt.model) == 0) {
+    bd_error err = {0};
+    bd_model *model = NULL;
+    const int code = bd_model_create(&model, &scene, &err);
+    self = code < 0 ? (void *)bd_core_raise(code, &err) : (bd_core_model *)type->tp_alloc(type, 0);
+    if (self) {
+      self->model = model;
+      bd_model_info(model, &self->info);
+    } else {
+      bd_model_free(model);
+    }
+  }
   PyMem_Free(pulleys);
-  Py_DECREF(keep);
-  if (code < 0) {
-    return bd_core_raise(code, &err);
-  }
-  bd_core_model *self = (bd_core_model *)type->tp_alloc(type, 0);
-  if (!self) {
-    bd_model_free(model);
-    return NULL;
-  }
-  self->model = model;
-  bd_model_info(model, &self->info);
+  Py_XDECREF(keep);
   return (PyObject *)self;
 }
 
@@ -204,110 +182,143 @@ static void model_dealloc(PyObject *object) {
 }
 
 PyDoc_STRVAR(check_geometry_doc,
-             "check_geometry($self, /)\n--\n\n"
-             "Check that the belt can run on the pulleys.\n\n"
-             "Raises ValueError if pulleys overlap, one is not reached, or the belt is too long\n"
-             "(slack) or too short (strain above MAX_STRAIN).");
+             "check_geometry($self, /)\n--\n\nCheck that the belt can run on the pulleys.");
 
 static PyObject *model_check_geometry(PyObject *self, PyObject *Py_UNUSED(none)) {
   bd_error err = {0};
-  int code = bd_model_check_geometry(((bd_core_model *)self)->model, &err);
-  if (code < 0) {
-    return bd_core_raise(code, &err);
-  }
-  Py_RETURN_NONE;
+  const int code = bd_model_check_geometry(((bd_core_model *)self)->model, &err);
+  return bd_core_result(Py_NewRef(Py_None), code, &err);
 }
 
-PyDoc_STRVAR(rate_doc, "rate($self, /, state, torque)\n--\n\n"
-                       "Time derivative of a state under the model.\n\n"
-                       "state: mapping of STATE_FIELDS by name and \"t\". torque: one value per\n"
-                       "pulley [N m], shape (n_p,). Returns a dict of STATE_FIELDS by name: the\n"
-                       "derivatives [.../s], shapes as in state. Raises TypeError or ValueError\n"
-                       "naming the argument, and SimulationError if there is no finite result.");
+PyDoc_STRVAR(rate_doc,
+             "rate($self, /, state, torque)\n--\n\nTime derivative of a state under the model.");
 
 static PyObject *model_rate(PyObject *object, PyObject *args, PyObject *keywords) {
-  char *names[] = {"state", "torque", NULL};
-  PyObject *mapping, *torque, *result = NULL;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO:rate", names, &mapping, &torque)) {
-    return NULL;
-  }
-  bd_core_model *self = (bd_core_model *)object;
+  const bd_core_model *self = (bd_core_model *)object;
   const npy_intp n_pulleys = self->info.n_pulleys;
-  bd_core_state state, rate = {0};
-  if (bd_core_state_read(&state, mapping, &self->info) < 0) {
+  PyObject *mapping, *torque;
+  const bd_argument rows[] = {{"state", BD_OBJECT, &mapping}, {"torque", BD_OBJECT, &torque}, {0}};
+  if (bd_convert_arguments(args, keywords, "OO:rate", rows) < 0) {
     return NULL;
   }
-  PyArrayObject *values = bd_convert_array(torque, "torque", 1, &n_pulleys);
-  if (values && !bd_core_state_new(&rate, &self->info)) {
-    bd_error err = {0};
-    int code = bd_model_rate(self->model, &state.state, PyArray_DATA(values), &rate.state, &err);
-    result = code < 0 ? bd_core_raise(code, &err) : bd_core_state_dict(&rate, 0);
+  bd_state state, rate;
+  bd_error err = {0};
+  PyObject *given = bd_core_state_read(&state, mapping, &self->info);
+  PyArrayObject *values = given ? bd_convert_array(torque, "torque", 1, &n_pulleys) : NULL;
+  PyObject *result = values ? bd_core_state_new(&rate, &self->info) : NULL;
+  if (result) {
+    const int code = bd_model_rate(self->model, &state, PyArray_DATA(values), &rate, &err);
+    result = bd_core_result(result, code, &err);
   }
   Py_XDECREF(values);
-  bd_core_state_release(&state);
-  bd_core_state_release(&rate);
+  Py_XDECREF(given);
   return result;
 }
 
-PyDoc_STRVAR(observe_doc,
-             "observe($self, /, state)\n--\n\n"
-             "What a run would sample at a state, without torques.\n\n"
-             "state: mapping of STATE_FIELDS by name and \"t\". Returns a dict of arrays of one\n"
-             "row: OUTPUTS by name but energy, and \"pulley\". Raises TypeError or ValueError\n"
-             "naming the argument.");
+PyDoc_STRVAR(observe_doc, "observe($self, /, state)\n--\n\n"
+                          "What a run would sample at a state, without torques.");
 
 static PyObject *model_observe(PyObject *object, PyObject *mapping) {
-  bd_core_model *self = (bd_core_model *)object;
-  bd_core_state state;
-  if (bd_core_state_read(&state, mapping, &self->info) < 0) {
-    return NULL;
-  }
+  const bd_core_model *self = (bd_core_model *)object;
+  bd_state state;
   bd_output output = {0};
-  PyObject *keep = PyList_New(0), *dict = PyDict_New();
-  int done = keep && dict && bd_core_output_new(&output, keep, dict, &self->info, 0, 1, NULL) == 0;
-  if (done) {
-    bd_error err = {0};
-    int code = bd_model_observe(self->model, &state.state, &output, &err);
-    if (code < 0) {
-      bd_core_raise(code, &err);
-      done = 0;
-    }
-  }
-  Py_XDECREF(keep);
-  bd_core_state_release(&state);
-  if (!done) {
+  bd_error err = {0};
+  PyObject *given = bd_core_state_read(&state, mapping, &self->info);
+  PyObject *keep = given ? PyList_New(0) : NULL, *dict = keep ? PyDict_New() : NULL;
+  if (dict && bd_core_output_new(&output, keep, dict, &self->info, 0, 1, NULL) < 0) {
     Py_CLEAR(dict);
   }
+  if (dict) {
+    dict = bd_core_result(dict, bd_model_observe(self->model, &state, &output, &err), &err);
+  }
+  Py_XDECREF(keep);
+  Py_XDECREF(given);
   return dict;
 }
 
 PyDoc_STRVAR(set_going_doc,
              "set_going($self, /, state, speed)\n--\n\n"
-             "A state with its belt running along itself and all pulleys turning with it.\n\n"
-             "state: mapping of STATE_FIELDS by name and \"t\". speed: of the belt in its spans,\n"
-             "> 0 in the order of its links [m/s]. Returns a dict as of Simulation.state().\n"
-             "Raises TypeError or ValueError naming the argument.");
+             "A state with its belt running along itself and all pulleys turning with it.");
 
 static PyObject *model_set_going(PyObject *object, PyObject *args, PyObject *keywords) {
-  char *names[] = {"state", "speed", NULL};
-  PyObject *mapping, *given, *result = NULL;
+  const bd_core_model *self = (bd_core_model *)object;
+  PyObject *mapping;
   double speed;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO:set_going", names, &mapping, &given) ||
-      bd_convert_real(given, "speed", &speed) < 0) {
+  const bd_argument rows[] = {{"state", BD_OBJECT, &mapping}, {"speed", BD_REAL, &speed}, {0}};
+  if (bd_convert_arguments(args, keywords, "OO:set_going", rows) < 0) {
     return NULL;
   }
-  bd_core_model *self = (bd_core_model *)object;
-  bd_core_state state = {0}, going = {0};
-  if (!bd_core_state_read(&state, mapping, &self->info) &&
-      !bd_core_state_new(&going, &self->info)) {
-    bd_error err = {0};
-    int code = bd_model_set_going(self->model, &state.state, speed, &going.state, &err);
-    result = code < 0 ? bd_core_raise(code, &err) : bd_core_state_dict(&going, 1);
+  bd_state state, going;
+  bd_error err = {0};
+  PyObject *given = bd_core_state_read(&state, mapping, &self->info);
+  PyObject *result = given ? bd_core_state_new(&going, &self->info) : NULL;
+  if (result) {
+    const int code = bd_model_set_going(self->model, &state, speed, &going, &err);
+    result = bd_core_state_timed(bd_core_result(result, code, &err), &going);
   }
-  bd_core_state_release(&state);
-  bd_core_state_release(&going);
+  Py_XDECREF(given);
   return result;
 }
+
+PyDoc_STRVAR(solve_doc,
+             "solve($self, /, state, g, c)\n--\n\n"
+             "k of (1 - g J) k = g c, J the Jacobian of rate() at a state, torques constant.");
+
+static PyObject *model_solve(PyObject *object, PyObject *args, PyObject *keywords) {
+  const bd_core_model *self = (bd_core_model *)object;
+  PyObject *mapping, *vector;
+  double g;
+  const bd_argument rows[] = {
+      {"state", BD_OBJECT, &mapping}, {"g", BD_REAL, &g}, {"c", BD_OBJECT, &vector}, {0}};
+  if (bd_convert_arguments(args, keywords, "OOO:solve", rows) < 0) {
+    return NULL;
+  }
+  bd_state state, c, k;
+  bd_error err = {0};
+  PyObject *given = bd_core_state_read(&state, mapping, &self->info);
+  PyObject *right = given ? bd_core_state_read(&c, vector, &self->info) : NULL;
+  PyObject *result = right ? bd_core_state_new(&k, &self->info) : NULL;
+  if (result) {
+    result = bd_core_result(result, bd_model_solve(self->model, &state, g, &c, &k, &err), &err);
+  }
+  Py_XDECREF(right);
+  Py_XDECREF(given);
+  return result;
+}
+
+PyDoc_STRVAR(jacobian_doc, "jacobian($self, state, /)\n--\n\n"
+                           "Entries of the Jacobian of rate() at a state: rows, columns, values.");
+
+static PyObject *copied(int type, const void *from, size_t n) {
+  const npy_intp length = (npy_intp)n;
+  PyObject *array = PyArray_SimpleNew(1, &length, type);
+  if (array && n > 0) {
+    memcpy(PyArray_DATA((PyArrayObject *)array), from,
+           n * (size_t)PyArray_ITEMSIZE((PyArrayObject *)array));
+  }
+  return array;
+}
+
+static PyObject *model_jacobian(PyObject *object, PyObject *mapping) {
+  const bd_core_model *self = (bd_core_model *)object;
+  PyObject *result = NULL;
+  bd_state state;
+  PyObject *given = bd_core_state_read(&state, mapping, &self->info);
+  if (given) {
+    bd_error err = {0};
+    bd_jacobian *j = NULL;
+    const int code = bd_model_jacobian(self->model, &state, &j, &err);
+    result = code < 0 ? bd_core_raise(code, &err)
+                      : Py_BuildValue("(NNN)", copied(NPY_INT64, j->rows, j->n),
+                                      copied(NPY_INT64, j->columns, j->n),
+                                      copied(NPY_DOUBLE, j->values, j->n));
+    bd_jacobian_free(j);
+    Py_DECREF(given);
+  }
+  return result;
+}
+
+/* --- what a model knows of itself ------------------------------------------------------------- */
 
 static PyObject *model_belt(PyObject *object, void *Py_UNUSED(closure)) {
   const int row = bd_model_belt(((bd_core_model *)object)->model);
@@ -321,76 +332,6 @@ static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
   BD_INFO(X)
 #undef X
   return dict;
-}
-
-PyDoc_STRVAR(
-    solve_doc,
-    "solve($self, /, state, g, c)\n--\n\n"
-    "k of (1 - g J) k = g c, J the Jacobian of rate() at a state, torques constant.\n\n"
-    "state: mapping of STATE_FIELDS by name and \"t\". g: > 0 [s]. c: laid out as the\n"
-    "state. Returns a dict of STATE_FIELDS by name. Contact and friction are taken on the\n"
-    "side of their kinks on which the state stands. Raises TypeError or ValueError naming\n"
-    "the argument.");
-
-static PyObject *model_solve(PyObject *object, PyObject *args, PyObject *keywords) {
-  char *names[] = {"state", "g", "c", NULL};
-  PyObject *mapping, *step, *vector, *result = NULL;
-  double g;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOO:solve", names, &mapping, &step, &vector) ||
-      bd_convert_real(step, "g", &g) < 0) {
-    return NULL;
-  }
-  bd_core_model *self = (bd_core_model *)object;
-  bd_core_state state = {0}, c = {0}, k = {0};
-  if (!bd_core_state_read(&state, mapping, &self->info) &&
-      !bd_core_state_read(&c, vector, &self->info) && !bd_core_state_new(&k, &self->info)) {
-    bd_error err = {0};
-    int code = bd_model_solve(self->model, &state.state, g, &c.state, &k.state, &err);
-    result = code < 0 ? bd_core_raise(code, &err) : bd_core_state_dict(&k, 0);
-  }
-  bd_core_state_release(&state);
-  bd_core_state_release(&c);
-  bd_core_state_release(&k);
-  return result;
-}
-
-PyDoc_STRVAR(
-    jacobian_doc,
-    "jacobian($self, state, /)\n--\n\n"
-    "Entries of J, the Jacobian of rate() at a state, torques constant: rows, columns, values.\n\n"
-    "state: mapping of STATE_FIELDS by name and \"t\". Rows and columns count the numbers of\n"
-    "all fields, one after the other in the order of STATE_FIELDS. Entries that are not 0,\n"
-    "each once, in no order; phi and vphi of a string, which are no unknowns, have none.\n"
-    "Contact and friction are taken on the side of their kinks on which the state stands.\n"
-    "Raises TypeError or ValueError naming the argument, and SimulationError if it is not\n"
-    "finite.");
-
-static PyObject *copied(int type, const void *from, size_t n) {
-  const npy_intp length = (npy_intp)n;
-  PyObject *array = PyArray_SimpleNew(1, &length, type);
-  if (array && n > 0) {
-    memcpy(PyArray_DATA((PyArrayObject *)array), from,
-           n * (size_t)PyArray_ITEMSIZE((PyArrayObject *)array));
-  }
-  return array;
-}
-
-static PyObject *model_jacobian(PyObject *object, PyObject *mapping) {
-  bd_core_model *self = (bd_core_model *)object;
-  PyObject *result = NULL;
-  bd_core_state state = {0};
-  if (!bd_core_state_read(&state, mapping, &self->info)) {
-    bd_error err = {0};
-    bd_jacobian *j = NULL;
-    const int code = bd_model_jacobian(self->model, &state.state, &j, &err);
-    result = code < 0 ? bd_core_raise(code, &err)
-                      : Py_BuildValue("(NNN)", copied(NPY_INT64, j->rows, j->n),
-                                      copied(NPY_INT64, j->columns, j->n),
-                                      copied(NPY_DOUBLE, j->values, j->n));
-    bd_jacobian_free(j);
-  }
-  bd_core_state_release(&state);
-  return result;
 }
 
 PyDoc_STRVAR(
@@ -503,25 +444,11 @@ static PyGetSetDef model_properties[] = {
     {NULL, NULL, NULL, NULL, NULL},
 };
 
-PyDoc_STRVAR(
-    model_doc,
-    "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
-    "      pulley_friction=None, mesh='paper', outside=None, names=None, mounts=None,\n"
-    "      model='links', couplings=None)\n--\n\n"
-    "A checked, constant scene; may be shared by simulations in any thread.\n\n"
-    "belt, contact: tuples of numbers as in PARAMETERS. friction: (name of a law in LAWS, tuple "
-    "of\n"
-    "its numbers), None: none. pulley_friction: that, or None, for each pulley that has its own.\n"
-    "mesh: \"joint\" or \"paper\", MODEL section 3. outside: of each pulley, whether it is on the\n"
-    "back of the belt; None: all inside the loop. mounts: (\"arm\", pivot, tuple as in\n"
-    "PARAMETERS), (\"slider\", direction, tuple), (\"path\", t, displacement) or None, for each.\n"
-    "couplings: (\"isolator\", \"clutch\" or \"damper\", tuple as in PARAMETERS) or None, for "
-    "each.\n"
-    "names: a name or None for each, for messages. model: \"links\", \"string\" or \"auto\",\n"
-    "MODEL section 2.\n"
-    "centers: (n_p, 2) [m]. radii: (n_p,) [m]. inertias: (n_p,) [kg m^2].\n"
-    "gravity: (2,) [m/s^2]. drag: a tuple as in PARAMETERS, or None, for each pulley; None: no\n"
-    "drag. Raises TypeError or ValueError naming field and rule.");
+PyDoc_STRVAR(model_doc,
+             "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
+             "      pulley_friction=None, mesh='paper', outside=None, names=None, mounts=None,\n"
+             "      model='links', couplings=None)\n--\n\n"
+             "A checked, constant scene; may be shared by simulations in any thread.");
 
 static PyType_Slot model_slots[] = {
     {Py_tp_doc, (void *)model_doc},

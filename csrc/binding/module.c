@@ -6,6 +6,7 @@
 #define BD_CORE_IMPORTS_NUMPY
 #include "binding/binding.h"
 
+#include <stddef.h>
 #include <string.h>
 
 /* --- errors ---------------------------------------------------------------------------------- */
@@ -69,21 +70,26 @@ PyObject *bd_core_raise(int code, const bd_error *err) {
   return NULL;
 }
 
+PyObject *bd_core_result(PyObject *result, int code, const bd_error *err) {
+  if (code < 0) {
+    Py_XDECREF(result);
+    return bd_core_raise(code, err);
+  }
+  return result;
+}
+
 /* --- functions ------------------------------------------------------------------------------- */
 
 PyDoc_STRVAR(kernel_level_doc,
              "kernel_level()\n--\n\n"
-             "Level of the compute kernels in use: \"avx512\", \"avx2\" or \"baseline\".\n\n"
-             "Chosen once from the processor, or by the environment variable BELTDYN_KERNELS.");
+             "Level of the compute kernels in use: \"avx512\", \"avx2\" or \"baseline\".");
 
 static PyObject *kernel_level(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(none)) {
   return PyUnicode_FromString(bd_kernel_level());
 }
 
-PyDoc_STRVAR(check_parameter_doc,
-             "check_parameter(group, name, label, value, /)\n--\n\n"
-             "Check a parameter against its rule in PARAMETERS; ValueError if it breaks it.\n\n"
-             "label: what the message calls the group.");
+PyDoc_STRVAR(check_parameter_doc, "check_parameter(group, name, label, value, /)\n--\n\n"
+                                  "Check a parameter against its rule in PARAMETERS.");
 
 static PyObject *check_parameter(PyObject *Py_UNUSED(module), PyObject *args) {
   const char *group, *name, *label;
@@ -94,44 +100,45 @@ static PyObject *check_parameter(PyObject *Py_UNUSED(module), PyObject *args) {
       bd_convert_real(given, name, &value) < 0) {
     return NULL;
   }
-  int code = bd_check_parameter(group, name, label, value, &err);
-  if (code < 0) {
-    return bd_core_raise(code, &err);
-  }
-  Py_RETURN_NONE;
+  const int code = bd_check_parameter(group, name, label, value, &err);
+  return bd_core_result(Py_NewRef(Py_None), code, &err);
 }
 
 PyDoc_STRVAR(friction_law_doc,
              "friction_law(friction, link_length, z, v, normal, element=0)\n--\n\n"
-             "A friction law at single links in contact, as the kernels in use evaluate it.\n\n"
-             "friction: (name of a law in LAWS, tuple of its numbers). link_length: l0 [m]. z, v,\n"
-             "normal: state, slip velocity [m/s] and normal force [N], shape (n,). element: of a\n"
-             "law of several. Returns a dict of arrays (n,): force [N], rate of the state, and how "
-             "both change: by_normal,\n"
-             "by_state, by_slip, rate_by_normal, rate_by_state, rate_by_slip.");
+             "A friction law at single links in contact, as the kernels in use evaluate it.");
 
 static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
-  char *names[] = {"friction", "link_length", "z", "v", "normal", "element", NULL};
-  static const char *const columns[] = {"force",         "rate",        "by_normal",
-                                        "by_state",      "by_slip",     "rate_by_normal",
-                                        "rate_by_state", "rate_by_slip"};
+  static const struct {
+    const char *name;
+    size_t member;
+  } columns[] = {
+#define COLUMN(name) {#name, offsetof(bd_law_point, name)}
+      COLUMN(force),   COLUMN(rate),           COLUMN(by_normal),     COLUMN(by_state),
+      COLUMN(by_slip), COLUMN(rate_by_normal), COLUMN(rate_by_state), COLUMN(rate_by_slip),
+#undef COLUMN
+  };
   enum { N_COLUMNS = sizeof columns / sizeof columns[0] };
-  PyObject *law, *length, *objects[3], *given_element = NULL, *result = NULL;
+  PyObject *law, *objects[3], *result = NULL;
   PyArrayObject *given[3] = {NULL, NULL, NULL};
   bd_friction friction = {0};
   double l0, *out[N_COLUMNS];
   long element = 0;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOOOO|O:friction_law", names, &law, &length,
-                                   &objects[0], &objects[1], &objects[2], &given_element) ||
-      (given_element && bd_convert_long(given_element, "element", &element) < 0) ||
-      bd_core_read_friction(law, "friction", &friction) < 0 ||
-      bd_convert_real(length, "link_length", &l0) < 0) {
+  const bd_argument rows[] = {{"friction", BD_OBJECT, &law},
+                              {"link_length", BD_REAL, &l0},
+                              {"z", BD_OBJECT, &objects[0]},
+                              {"v", BD_OBJECT, &objects[1]},
+                              {"normal", BD_OBJECT, &objects[2]},
+                              {"element", BD_LONG, &element},
+                              {0}};
+  if (bd_convert_arguments(args, keywords, "OOOOO|O:friction_law", rows) < 0 ||
+      bd_core_read_friction(law, "friction", &friction) < 0) {
     return NULL;
   }
   element = element < -1 || element > BD_MAX_ELEMENTS ? -1 : element; /* there is none of it */
   npy_intp n = BD_ANY;
   for (int k = 0; k < 3; k++) {
-    given[k] = bd_convert_array(objects[k], names[k + 2], 1, &n);
+    given[k] = bd_convert_array(objects[k], rows[k + 2].name, 1, &n);
     if (!given[k]) {
       goto done;
     }
@@ -141,7 +148,7 @@ static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObj
   for (int c = 0; result && c < N_COLUMNS; c++) {
     PyObject *column = PyArray_SimpleNew(1, &n, NPY_DOUBLE);
     out[c] = column ? PyArray_DATA((PyArrayObject *)column) : NULL;
-    if (bd_core_set(result, columns[c], column) < 0) {
+    if (bd_core_set(result, columns[c].name, column) < 0) {
       Py_CLEAR(result);
     }
   }
@@ -150,16 +157,11 @@ static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObj
     const double *normal = PyArray_DATA(given[2]);
     bd_law_point p;
     bd_error err = {0};
-    int code = bd_friction_evaluate(&friction, l0, (int)element, z[i], v[i], normal[i], &p, &err);
-    if (code < 0) {
-      bd_core_raise(code, &err);
-      Py_CLEAR(result);
-      break;
-    }
-    const double values[N_COLUMNS] = {p.force,   p.rate,           p.by_normal,     p.by_state,
-                                      p.by_slip, p.rate_by_normal, p.rate_by_state, p.rate_by_slip};
-    for (int c = 0; c < N_COLUMNS; c++) {
-      out[c][i] = values[c];
+    const int code =
+        bd_friction_evaluate(&friction, l0, (int)element, z[i], v[i], normal[i], &p, &err);
+    result = bd_core_result(result, code, &err);
+    for (int c = 0; result && c < N_COLUMNS; c++) {
+      memcpy(&out[c][i], (const char *)&p + columns[c].member, sizeof(double));
     }
   }
 done:
@@ -169,11 +171,9 @@ done:
   return result;
 }
 
-PyDoc_STRVAR(
-    friction_states_doc,
-    "friction_states(friction)\n--\n\n"
-    "Checks a law's numbers, and tells how many states a link has under it: 0 of a function\n"
-    "of slip velocity and normal force alone. friction: as in friction_law.");
+PyDoc_STRVAR(friction_states_doc,
+             "friction_states(friction)\n--\n\n"
+             "How many states a link has under a law, whose numbers are checked.");
 
 static PyObject *friction_states(PyObject *Py_UNUSED(module), PyObject *object) {
   bd_friction friction = {0};
@@ -181,24 +181,16 @@ static PyObject *friction_states(PyObject *Py_UNUSED(module), PyObject *object) 
   if (bd_core_read_friction(object, "friction", &friction) < 0) {
     return NULL;
   }
-  int code = bd_friction_check(&friction, bd_law_name(friction.law), &err);
-  if (code < 0) {
-    return bd_core_raise(code, &err);
-  }
-  return PyLong_FromLong(bd_friction_states(&friction));
+  const int code = bd_friction_check(&friction, bd_law_name(friction.law), &err);
+  return code < 0 ? bd_core_raise(code, &err) : PyLong_FromLong(bd_friction_states(&friction));
 }
 
-PyDoc_STRVAR(
-    belt_line_doc,
-    "belt_line(centers, radii, outside=None, names=None)\n--\n\n"
-    "The tight belt line round pulleys: for each the angle at which the belt arrives, the\n"
-    "angle over which it lies, the length of the span that follows and the sense of the\n"
-    "turn; the length of the line, and its turns. Raises ValueError where there is none.");
+PyDoc_STRVAR(belt_line_doc, "belt_line(centers, radii, outside=None, names=None)\n--\n\n"
+                            "The tight belt line round pulleys: of each a bd_wrap; length, turns.");
 
 PyDoc_STRVAR(mount_directions_doc,
              "mount_directions(kind, pair, centers, /)\n--\n\n"
-             "How the axis of a pulley at each of the centers (n, 2) moves with the travel of a\n"
-             "mount of that kind, pivot or direction (n, 2): of an angle its lever [m], else 1.");
+             "How axes at these centers move with the travel of a mount of that kind.");
 
 static PyMethodDef functions[] = {
     {"kernel_level", kernel_level, METH_NOARGS, kernel_level_doc},
@@ -222,41 +214,27 @@ static int add(PyObject *module, const char *name, PyObject *value) {
   return failed;
 }
 
-/* A tuple of n rows of `width` strings. */
-static PyObject *table_of(size_t n, size_t width, const char *const *cells) {
+/* A tuple of these references, which are taken; NULL, none of them kept, if one is NULL. */
+static PyObject *tuple_of(size_t n, PyObject *const *rows) {
   PyObject *table = PyTuple_New((Py_ssize_t)n);
-  for (size_t i = 0; table && i < n; i++) {
-    PyObject *row = PyTuple_New((Py_ssize_t)width);
-    for (size_t j = 0; row && j < width; j++) {
-      row = bd_core_put(row, (Py_ssize_t)j, PyUnicode_FromString(cells[i * width + j]));
+  for (size_t k = 0; k < n; k++) {
+    if (table) {
+      table = bd_core_put(table, (Py_ssize_t)k, rows[k]);
+    } else {
+      Py_XDECREF(rows[k]);
     }
-    table = bd_core_put(table, (Py_ssize_t)i, row);
   }
   return table;
 }
 
-#define TABLE(cells)                                                                               \
-  table_of(sizeof(cells) / sizeof(cells)[0], sizeof(cells)[0] / sizeof(cells)[0][0], (cells)[0])
-
-static PyObject *error_table(void) {
-  PyObject *list = PyList_New(0);
-#define X(symbol, kind, text)                                                                      \
-  list = list ? bd_core_append(list, Py_BuildValue("(siss)", #symbol, symbol, #kind, text)) : NULL;
-  BD_ERRORS(X)
-#undef X
-  return bd_core_tuple(list);
-}
-
-static PyObject *rule_table(void) {
-  PyObject *list = PyList_New(0);
-#define X(rule, wording, least, above, most)                                                       \
-  list = list ? bd_core_append(list, Py_BuildValue("(ssdOd)", #rule, wording, (double)(least),     \
-                                                   above ? Py_True : Py_False, (double)(most)))    \
-              : NULL;
-  BD_RULES(X)
-#undef X
-  return bd_core_tuple(list);
-}
+/* Adds a table of fields.h: a row of Py_BuildValue for each of its rows. */
+#define ADD_TABLE(name, rows)                                                                      \
+  {                                                                                                \
+    PyObject *const of_table[] = {rows(X)};                                                        \
+    if (add(module, name, tuple_of(sizeof of_table / sizeof of_table[0], of_table)) < 0) {         \
+      return -1;                                                                                   \
+    }                                                                                              \
+  }
 
 static PyObject *method_names(void) {
   PyObject *list = PyList_New(0);
@@ -272,7 +250,7 @@ static const char *field_name(int row) {
       BD_STATE_FIELDS(X)
 #undef X
   };
-  return row < BD_CORE_N_STATE ? names[row] : NULL;
+  return row < (int)(sizeof names / sizeof names[0]) ? names[row] : NULL;
 }
 
 /* Of the rows of a table whose bits are set. */
@@ -315,46 +293,33 @@ static PyObject *effect_table(void) {
 }
 
 static int add_tables(PyObject *module) {
-  static const char *const parameters[][5] = {
-#define X(group, name, rule, unit, text) {#group, #name, #rule, unit, text},
-      BD_PARAMETERS(X)
+#define X(rule, wording, least, above, most)                                                       \
+  Py_BuildValue("(ssdOd)", #rule, wording, (double)(least), above ? Py_True : Py_False,            \
+                (double)(most)),
+  ADD_TABLE("RULES", BD_RULES)
 #undef X
-  };
-  static const char *const laws[][3] = {
-#define LAW(name, class, general, states, text) {#name, #class, text},
-      BD_LAWS(LAW)
-#undef LAW
-  };
-  static const char *const state_fields[][4] = {
-#define X(symbol, name, size, scale, unit, text) {#name, #size, unit, text},
-      BD_STATE_FIELDS(X)
+#define X(group, name, rule, unit, text) Py_BuildValue("(sssss)", #group, #name, #rule, unit, text),
+  ADD_TABLE("PARAMETERS", BD_PARAMETERS)
 #undef X
-  };
-  static const char *const outputs[][5] = {
-#define X(name, group, size, unit, text) {#name, #group, #size, unit, text},
-      BD_OUTPUTS(X)
+#define X(name, class, general, states, text) Py_BuildValue("(sss)", #name, #class, text),
+  ADD_TABLE("LAWS", BD_LAWS)
 #undef X
-  };
-  static const char *const energy_terms[][3] = {
-#define X(name, kind, text) {#name, #kind, text},
-      BD_ENERGY_TERMS(X)
+#define X(symbol, name, size, scale, unit, text) Py_BuildValue("(ssss)", #name, #size, unit, text),
+  ADD_TABLE("STATE_FIELDS", BD_STATE_FIELDS)
 #undef X
-  };
-  static const char *const stats[][2] = {
-#define X(type, name, text) {#name, text},
-      BD_STATS(X)
+#define X(name, group, size, unit, text) Py_BuildValue("(sssss)", #name, #group, #size, unit, text),
+  ADD_TABLE("OUTPUTS", BD_OUTPUTS)
 #undef X
-  };
-  return add(module, "RULES", rule_table()) < 0 ||
-                 add(module, "PARAMETERS", TABLE(parameters)) < 0 ||
-                 add(module, "LAWS", TABLE(laws)) < 0 ||
-                 add(module, "STATE_FIELDS", TABLE(state_fields)) < 0 ||
-                 add(module, "OUTPUTS", TABLE(outputs)) < 0 ||
-                 add(module, "ENERGY_TERMS", TABLE(energy_terms)) < 0 ||
-                 add(module, "STATS", TABLE(stats)) < 0 ||
-                 add(module, "ERRORS", error_table()) < 0 ||
-                 add(module, "METHODS", method_names()) < 0 ||
-                 add(module, "EFFECTS", effect_table()) < 0 ||
+#define X(name, kind, text) Py_BuildValue("(sss)", #name, #kind, text),
+  ADD_TABLE("ENERGY_TERMS", BD_ENERGY_TERMS)
+#undef X
+#define X(type, name, text) Py_BuildValue("(ss)", #name, text),
+  ADD_TABLE("STATS", BD_STATS)
+#undef X
+#define X(symbol, kind, text) Py_BuildValue("(siss)", #symbol, symbol, #kind, text),
+  ADD_TABLE("ERRORS", BD_ERRORS)
+#undef X
+  return add(module, "METHODS", method_names()) < 0 || add(module, "EFFECTS", effect_table()) < 0 ||
                  add(module, "BELTS", belt_table()) < 0 ||
                  add(module, "MAX_STRAIN", PyFloat_FromDouble(BD_MAX_STRAIN)) < 0 ||
                  add(module, "GRAVITY", PyFloat_FromDouble(BD_GRAVITY)) < 0 ||
@@ -376,11 +341,10 @@ static int module_exec(PyObject *module) {
   }
   import_array1(-1);
   bd_core_module *state = PyModule_GetState(module);
-  if (add_tables(module) < 0 || bd_core_add_model(module, state) < 0 ||
-      bd_core_add_simulation(module, state) < 0) {
-    return -1;
-  }
-  return 0;
+  return add_tables(module) < 0 || bd_core_add_model(module, state) < 0 ||
+                 bd_core_add_simulation(module, state) < 0
+             ? -1
+             : 0;
 }
 
 static int module_traverse(PyObject *module, visitproc visit, void *arg) {

@@ -7,34 +7,29 @@
 
 #include <string.h>
 
-static PyArrayObject *read_array(PyObject *object, const char *label, const char *name, int ndim,
-                                 const npy_intp *shape) {
-  char field[BD_NAME_SIZE];
-  PyOS_snprintf(field, sizeof field, "%s.%s", label, name);
-  return bd_convert_array(object, field, ndim, shape);
+static void name_of(char name[BD_NAME_SIZE], const char *label, const char *field) {
+  PyOS_snprintf(name, BD_NAME_SIZE, "%s.%s", label, field);
 }
 
 /* The pair that says along what it moves. */
 static int read_guide(PyObject *pair, const char *label, const char *guide, bd_mount *mount) {
-  const npy_intp two = 2;
-  PyArrayObject *array = read_array(pair, label, guide, 1, &two);
-  if (!array) {
-    return -1;
-  }
-  memcpy(mount->guide, PyArray_DATA(array), sizeof mount->guide);
-  Py_DECREF(array);
-  return 0;
+  char name[BD_NAME_SIZE];
+  name_of(name, label, guide);
+  return bd_convert_numbers(pair, name, 2, mount->guide);
 }
 
 /* Times and displacements; the arrays stay in `keep`. */
 static int read_points(PyObject *times, PyObject *displacement, const char *label, bd_mount *mount,
                        PyObject *keep) {
-  npy_intp n = BD_ANY;
-  PyArrayObject *t = read_array(times, label, "t", 1, &n), *points = NULL;
+  const npy_intp n = BD_ANY;
+  char name[BD_NAME_SIZE];
   int failed = -1;
+  name_of(name, label, "t");
+  PyArrayObject *t = bd_convert_array(times, name, 1, &n), *points = NULL;
   if (t) {
     const npy_intp pairs[2] = {PyArray_DIM(t, 0), 2};
-    points = read_array(displacement, label, "displacement", 2, pairs);
+    name_of(name, label, "displacement");
+    points = bd_convert_array(displacement, name, 2, pairs);
   }
   if (points && PyList_Append(keep, (PyObject *)t) == 0 &&
       PyList_Append(keep, (PyObject *)points) == 0) {

@@ -79,33 +79,27 @@ static int is_output(const char *name) {
 }
 
 PyObject *bd_core_output_names(PyObject *names) {
-  PyObject *set = PyUnicode_Check(names) ? NULL : PySet_New(names);
-  PyObject *iterator = set ? PyObject_GetIter(set) : NULL, *item = NULL;
-  if (!set && !PyErr_Occurred()) {
+  PyObject *all = NULL;
+  if (PyUnicode_Check(names)) {
     PyErr_SetString(PyExc_TypeError, "outputs must be a sequence of names, got a str");
+  } else {
+    all = PySequence_Tuple(names);
   }
-  while (iterator && (item = PyIter_Next(iterator))) {
-    const char *name = PyUnicode_Check(item) ? PyUnicode_AsUTF8(item) : NULL;
-    if (!is_output(name)) {
+  for (Py_ssize_t k = 0; all && k < PyTuple_GET_SIZE(all); k++) {
+    PyObject *item = PyTuple_GET_ITEM(all, k);
+    if (!is_output(PyUnicode_Check(item) ? PyUnicode_AsUTF8(item) : NULL)) {
       PyErr_Clear();
       PyErr_Format(PyExc_ValueError, "outputs: there is no output %R", item);
-    }
-    Py_DECREF(item);
-    if (PyErr_Occurred()) {
-      break;
+      Py_CLEAR(all);
     }
   }
-  Py_XDECREF(iterator);
-  if (PyErr_Occurred()) {
-    Py_CLEAR(set);
-  }
-  return set;
+  return all;
 }
 
 /* Is this one of the names? -1 with an exception. */
 static int is_named(PyObject *names, const char *name) {
   PyObject *text = PyUnicode_FromString(name);
-  const int found = text ? PySet_Contains(names, text) : -1;
+  const int found = text ? PySequence_Contains(names, text) : -1;
   Py_XDECREF(text);
   return found;
 }
@@ -134,19 +128,16 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
 
 const char bd_core_span_tension_doc[] =
     "span_tension(pulley, force, n_pulleys)\n--\n\n"
-    "Mean force of the joints of the free span that follows each pulley.\n\n"
-    "pulley: the pulley that each link touches, or -1, int32, shape (n_t, n_b). force: in the\n"
-    "joint on the left of each link, float64, the same shape [N]. Returns (n_t, n_pulleys) [N],\n"
-    "NaN where a span has no joint between two links that touch nothing. Raises TypeError or\n"
-    "ValueError.";
+    "Mean force of the joints of the free span that follows each pulley.";
 
 PyObject *bd_core_span_tension(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
-  char *names[] = {"pulley", "force", "n_pulleys", NULL};
-  PyObject *touched_object, *force_object, *number;
+  PyObject *touched_object, *force_object;
   long np = 0;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OOO:span_tension", names, &touched_object,
-                                   &force_object, &number) ||
-      bd_convert_long(number, "n_pulleys", &np) < 0) {
+  const bd_argument rows[] = {{"pulley", BD_OBJECT, &touched_object},
+                              {"force", BD_OBJECT, &force_object},
+                              {"n_pulleys", BD_LONG, &np},
+                              {0}};
+  if (bd_convert_arguments(args, keywords, "OOO:span_tension", rows) < 0) {
     return NULL;
   }
   /* not bd_convert_array: forces of a failed run may be infinite */

@@ -12,9 +12,7 @@
 
 static int read_list(PyObject *value, const char *name, bd_numbers *list) {
   if (!PyTuple_Check(value)) {
-    PyErr_Format(PyExc_TypeError, "%s must be a tuple of numbers, got %.100s", name,
-                 Py_TYPE(value)->tp_name);
-    return -1;
+    return bd_convert_refuse(value, name, "a tuple of numbers");
   }
   if (PyTuple_GET_SIZE(value) > BD_MAX_ELEMENTS) {
     PyErr_Format(PyExc_ValueError, "%s must have 1 to %d numbers, got %zd", name, BD_MAX_ELEMENTS,
@@ -91,17 +89,6 @@ int bd_core_read_group(PyObject *object, const char *group, const char *label, v
   return 0;
 }
 
-int bd_core_read_gravity(PyObject *object, double gravity[2]) {
-  const npy_intp two = 2;
-  PyArrayObject *array = bd_convert_array(object, "gravity", 1, &two);
-  if (!array) {
-    return -1;
-  }
-  memcpy(gravity, PyArray_DATA(array), 2 * sizeof *gravity);
-  Py_DECREF(array);
-  return 0;
-}
-
 int bd_core_read_friction(PyObject *object, const char *label, bd_friction *friction) {
   if (object == Py_None) {
     return 0;
@@ -153,18 +140,11 @@ static int read_outside(PyObject *entry, const char *label, bd_pulley *pulley, o
 }
 
 static int read_name(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
-  Py_ssize_t length = 0;
   const char *text = NULL;
-  if (!PyUnicode_Check(entry)) {
-    PyErr_Format(PyExc_TypeError, "%s must be a str, got %.100s", label, Py_TYPE(entry)->tp_name);
-  } else {
-    text = PyUnicode_AsUTF8AndSize(entry, &length);
-  }
-  if (!text) {
-    return -1;
-  }
-  if (memchr(text, '\0', (size_t)length)) {
-    PyErr_Format(PyExc_ValueError, "%s must be printable, got %R", label, entry);
+  if (bd_convert_text(entry, label, &text) < 0) {
+    if (text) { /* a null character */
+      PyErr_Format(PyExc_ValueError, "%s must be printable, got %R", label, entry);
+    }
     return -1;
   }
   PyOS_snprintf(own->name, sizeof own->name, "%s", text);
@@ -210,11 +190,7 @@ static int read_entries(PyObject *object, const char *name, read_entry read, npy
                        ? PySequence_Fast(object, "must be a sequence")
                        : NULL;
   if (!rows) {
-    if (!PyErr_Occurred()) {
-      PyErr_Format(PyExc_TypeError, "%s must be a sequence of tuples, got %.100s", name,
-                   Py_TYPE(object)->tp_name);
-    }
-    return -1;
+    return PyErr_Occurred() ? -1 : bd_convert_refuse(object, name, "a sequence of tuples");
   }
   int failed = 0;
   if (PySequence_Fast_GET_SIZE(rows) != count) {
@@ -291,15 +267,18 @@ out:
 /* --- belt line ------------------------------------------------------------------------------- */
 
 PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
-  char *arguments[] = {"centers", "radii", "outside", "names", NULL};
-  PyObject *centers, *radii, *outside = Py_None, *names = Py_None;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "OO|OO:belt_line", arguments, &centers, &radii,
-                                   &outside, &names)) {
+  PyObject *centers, *radii;
+  bd_core_pulley_parts parts = {Py_None, Py_None, Py_None, Py_None, Py_None, Py_None};
+  const bd_argument arguments[] = {{"centers", BD_OBJECT, &centers},
+                                   {"radii", BD_OBJECT, &radii},
+                                   {"outside", BD_OBJECT, &parts.outside},
+                                   {"names", BD_OBJECT, &parts.names},
+                                   {0}};
+  if (bd_convert_arguments(args, keywords, "OO|OO:belt_line", arguments) < 0) {
     return NULL;
   }
   int n = 0, turns = 0;
   double length = 0.0;
-  const bd_core_pulley_parts parts = {Py_None, Py_None, outside, names, Py_None, Py_None};
   bd_pulley *pulleys = bd_core_read_pulleys(centers, radii, radii, &parts, NULL, &n);
   if (!pulleys) {
     return NULL;
@@ -318,12 +297,8 @@ PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObjec
   }
   for (int j = 0; rows && j < n; j++) {
     const bd_wrap *wrap = &wraps[j];
-    PyObject *row = Py_BuildValue("(dddi)", wrap->arrive, wrap->wrap, wrap->span, wrap->sense);
-    if (row) {
-      PyTuple_SET_ITEM(rows, j, row);
-    } else {
-      Py_CLEAR(rows);
-    }
+    rows = bd_core_put(rows, j,
+                       Py_BuildValue("(dddi)", wrap->arrive, wrap->wrap, wrap->span, wrap->sense));
   }
   PyMem_Free(wraps);
   PyMem_Free(pulleys);

@@ -47,206 +47,129 @@ static PyObject *passes_of(const bd_sim *sim) {
   return bd_core_tuple(list);
 }
 
-static void free_core(bd_sim *sim, bd_settling *settling, volatile int *stop) {
-  if (settling) {
-    bd_settle_free(settling);
-  } else {
-    bd_sim_free(sim);
+/* One of a model, seen by nobody before it is whole. */
+static bd_core_sim *begin(PyTypeObject *type, PyObject *model, const char *call) {
+  const bd_core_module *module = PyType_GetModuleState(type);
+  if (!module || !PyObject_TypeCheck(model, module->model_type)) {
+    return module ? (void *)PyErr_Format(PyExc_TypeError, "%s() argument 1 must be %s, not %.50s",
+                                         call, module->model_type->tp_name,
+                                         model == Py_None ? "None" : Py_TYPE(model)->tp_name)
+                  : NULL;
   }
-  PyMem_Free((void *)stop);
+  bd_core_sim *self = (bd_core_sim *)type->tp_alloc(type, 0);
+  if (self) {
+    PyObject_GC_UnTrack(self);
+    self->model = (bd_core_model *)Py_NewRef(model);
+    atomic_init(&self->busy, false);
+  }
+  return self;
 }
 
-/* The Python object around a ready simulation (and the settling that owns it, if any), which it
- * takes over with its flag, as it does the callables of the torque (if any); on failure all are
- * freed. The object comes last, so it is always whole. */
-static PyObject *wrap(PyTypeObject *type, bd_sim *sim, bd_settling *settling, volatile int *stop,
-                      bd_core_model *model, bd_core_torque *torque) {
-  PyObject *passes = passes_of(sim);
-  bd_core_sim *self = passes ? (bd_core_sim *)type->tp_alloc(type, 0) : NULL;
-  if (!self) {
-    Py_XDECREF(passes);
-    free_core(sim, settling, stop);
-    return NULL;
-  }
-  self->sim = sim;
-  self->settling = settling;
-  self->stop = stop;
-  self->model = (bd_core_model *)Py_NewRef(model);
-  self->passes = passes;
-  atomic_init(&self->busy, false);
-  if (torque) {
-    self->calls = torque->calls;
-    self->n_calls = torque->n_calls;
-    torque->calls = NULL;
+/* It, if it has a simulation, or what the code stands for, if it is not 0. */
+static PyObject *finish(bd_core_sim *self, int code, const bd_error *err) {
+  self->passes = self->sim ? passes_of(self->sim) : code < 0 ? bd_core_raise(code, err) : NULL;
+  PyObject_GC_Track(self);
+  if (!self->passes) {
+    Py_CLEAR(self);
   }
   return (PyObject *)self;
 }
 
-/* The keyword options; those not given stay as they are. */
-typedef struct {
-  PyObject *method, *rtol, *step, *max_step, *max_steps, *ledger, *torque_interval, *guards;
-} option_objects;
-
-static int read_options(bd_options *out, const option_objects *in) {
-  if (in->method) {
-    Py_ssize_t length;
-    if (!PyUnicode_Check(in->method)) {
-      PyErr_Format(PyExc_TypeError, "method must be a str, got %.100s",
-                   Py_TYPE(in->method)->tp_name);
-      return -1;
-    }
-    out->method = PyUnicode_AsUTF8AndSize(in->method, &length);
-    if (!out->method) {
-      return -1;
-    }
-    if (strlen(out->method) != (size_t)length) {
-      PyErr_SetString(PyExc_ValueError, "method must not contain a null character");
-      return -1;
-    }
-  }
-  return (in->rtol && bd_convert_real(in->rtol, "rtol", &out->rtol) < 0) ||
-                 (in->step && bd_convert_real(in->step, "step", &out->step) < 0) ||
-                 (in->max_step && bd_convert_real(in->max_step, "max_step", &out->max_step) < 0) ||
-                 (in->max_steps &&
-                  bd_convert_long(in->max_steps, "max_steps", &out->max_steps) < 0) ||
-                 (in->torque_interval && bd_convert_real(in->torque_interval, "torque_interval",
-                                                         &out->torque_interval) < 0) ||
-                 (in->guards && bd_convert_bool(in->guards, "guards", &out->guards) < 0) ||
-                 (in->ledger && bd_convert_bool(in->ledger, "ledger", &out->ledger) < 0)
-             ? -1
-             : 0;
-}
-
-/* A flag of its own, for the core keeps its address while the simulation lives. */
-static volatile int *new_stop(void) {
-  volatile int *stop = PyMem_Calloc(1, sizeof *stop);
-  if (!stop) {
-    PyErr_NoMemory();
-  }
-  return stop;
-}
-
 static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"model",  "state",    "torque",    "t_end",  "method",      "rtol",
-                   "step",   "max_step", "max_steps", "ledger", "breakpoints", "torque_interval",
-                   "guards", "motion",   NULL};
-  bd_core_module *module = PyType_GetModuleState(type);
-  PyObject *model_object, *mapping, *terms, *end, *breakpoints = NULL, *motions = NULL;
-  option_objects in = {0};
-  if (!module || !PyArg_ParseTupleAndKeywords(args, keywords, "O!OOO|$OOOOOOOOOO:Simulation", names,
-                                              module->model_type, &model_object, &mapping, &terms,
-                                              &end, &in.method, &in.rtol, &in.step, &in.max_step,
-                                              &in.max_steps, &in.ledger, &breakpoints,
-                                              &in.torque_interval, &in.guards, &motions)) {
-    return NULL;
-  }
-  bd_core_model *model = (bd_core_model *)model_object;
-  bd_options options;
-  bd_options_default(&options);
+  PyObject *model, *mapping, *terms, *breakpoints = NULL, *motions = NULL;
   double t_end;
-  if (bd_convert_finite(end, "t_end", &t_end) < 0 || read_options(&options, &in) < 0) {
+  bd_options options;
+  const bd_argument rows[] = {
+      {"model", BD_OBJECT, &model},
+      {"state", BD_OBJECT, &mapping},
+      {"torque", BD_OBJECT, &terms},
+      {"t_end", BD_FINITE, &t_end},
+      {"method", BD_STR, &options.method},
+      {"rtol", BD_REAL, &options.rtol},
+      {"step", BD_REAL, &options.step},
+      {"max_step", BD_REAL, &options.max_step},
+      {"max_steps", BD_LONG, &options.max_steps},
+      {"ledger", BD_BOOL, &options.ledger},
+      {"breakpoints", BD_OBJECT, &breakpoints},
+      {"torque_interval", BD_REAL, &options.torque_interval},
+      {"guards", BD_BOOL, &options.guards},
+      {"motion", BD_OBJECT, &motions},
+      {0},
+  };
+  bd_options_default(&options);
+  bd_core_sim *self = bd_convert_arguments(args, keywords, "OOOO|$OOOOOOOOOO:Simulation", rows) < 0
+                          ? NULL
+                          : begin(type, model, "Simulation");
+  if (!self) {
     return NULL;
   }
-
-  PyObject *self = NULL;
   bd_core_torque torque = {0};
-  bd_core_state state;
-  if (bd_core_state_read(&state, mapping, &model->info) < 0) {
-    return NULL;
-  }
-  volatile int *stop = new_stop();
-  if (!stop || bd_core_torque_read(&torque, terms, breakpoints, motions, model->model, stop) < 0) {
-    PyMem_Free((void *)stop);
-    goto out;
-  }
+  bd_state state;
   bd_error err = {0};
-  bd_sim *sim = NULL;
-  int code = bd_sim_create(&sim, model->model, &state.state, &torque.torque, t_end, &options, &err);
-  if (code < 0) {
-    bd_core_raise(code, &err);
-    PyMem_Free((void *)stop);
-    goto out;
+  int code = 0;
+  PyObject *given = bd_core_state_read(&state, mapping, &self->model->info);
+  if (given && bd_core_torque_read(&torque, terms, breakpoints, motions, self->model->model,
+                                   &self->stop) == 0) {
+    code = bd_sim_create(&self->sim, self->model->model, &state, &torque.torque, t_end, &options,
+                         &err);
   }
-  self = wrap(type, sim, NULL, stop, model, &torque);
-  if (self) {
-    ((bd_core_sim *)self)->ledger = options.ledger;
+  if (self->sim) {
+    self->ledger = options.ledger;
+    self->calls = torque.calls;
+    self->n_calls = torque.n_calls;
+    torque.calls = NULL;
   }
-out:
-  bd_core_state_release(&state);
+  Py_XDECREF(given);
   bd_core_torque_release(&torque);
-  return self;
+  return finish(self, code, &err);
 }
 
 PyDoc_STRVAR(settle_doc,
              "settle($type, /, model, state=None, *, friction=False, free_pulleys=False,\n"
              "       offset=None, move_time=0.0, shift=0.0, tolerance=..., max_time=0.0,\n"
              "       speed=0.0)\n--\n\n"
-             "A simulation that brings the belt to rest under preload.\n\n"
-             "state: where to begin, a mapping as of state(); None: on the belt line. friction:\n"
-             "friction acts meanwhile. free_pulleys: pulleys may turn. offset: (n_p, 2) [m], the\n"
-             "centres start displaced by this and move in during move_time [s] (0: chosen).\n"
-             "shift: link 0 is laid this far past its place along the belt line [m].\n"
-             "tolerance: at rest when the unbalanced force is below this times the mean tension.\n"
-             "max_time: give up after this much simulated time [s] (0: chosen). speed: of a belt\n"
-             "that runs along itself, in its spans [m/s].\n"
-             "Raises TypeError or ValueError naming the argument.");
+             "A simulation that brings the belt to rest under preload.");
 
 static PyObject *sim_settle(PyObject *type, PyObject *args, PyObject *keywords) {
-  char *names[] = {"model", "state",     "friction", "free_pulleys", "offset", "move_time",
-                   "shift", "tolerance", "max_time", "speed",        NULL};
-  bd_core_module *module = PyType_GetModuleState((PyTypeObject *)type);
-  PyObject *model_object, *mapping = Py_None, *friction = NULL, *free_pulleys = NULL,
-                          *offset = Py_None, *move_time = NULL, *shift = NULL, *tolerance = NULL,
-                          *max_time = NULL, *speed = NULL;
-  if (!module || !PyArg_ParseTupleAndKeywords(args, keywords, "O!|O$OOOOOOOO:settle", names,
-                                              module->model_type, &model_object, &mapping,
-                                              &friction, &free_pulleys, &offset, &move_time, &shift,
-                                              &tolerance, &max_time, &speed)) {
-    return NULL;
-  }
-  bd_core_model *model = (bd_core_model *)model_object;
+  PyObject *model, *mapping = Py_None, *offset = Py_None;
   bd_settle_options options;
+  const bd_argument rows[] = {
+      {"model", BD_OBJECT, &model},
+      {"state", BD_OBJECT, &mapping},
+      {"friction", BD_BOOL, &options.friction},
+      {"free_pulleys", BD_BOOL, &options.free_pulleys},
+      {"offset", BD_OBJECT, &offset},
+      {"move_time", BD_REAL, &options.move_time},
+      {"shift", BD_REAL, &options.shift},
+      {"tolerance", BD_REAL, &options.tolerance},
+      {"max_time", BD_REAL, &options.max_time},
+      {"speed", BD_REAL, &options.speed},
+      {0},
+  };
   bd_settle_options_default(&options);
-  if ((friction && bd_convert_bool(friction, "friction", &options.friction) < 0) ||
-      (free_pulleys && bd_convert_bool(free_pulleys, "free_pulleys", &options.free_pulleys) < 0) ||
-      (move_time && bd_convert_real(move_time, "move_time", &options.move_time) < 0) ||
-      (shift && bd_convert_real(shift, "shift", &options.shift) < 0) ||
-      (tolerance && bd_convert_real(tolerance, "tolerance", &options.tolerance) < 0) ||
-      (max_time && bd_convert_real(max_time, "max_time", &options.max_time) < 0) ||
-      (speed && bd_convert_real(speed, "speed", &options.speed) < 0)) {
+  bd_core_sim *self = bd_convert_arguments(args, keywords, "O|O$OOOOOOOO:settle", rows) < 0
+                          ? NULL
+                          : begin((PyTypeObject *)type, model, "settle");
+  if (!self) {
     return NULL;
   }
-
-  PyObject *self = NULL;
-  bd_core_state state = {0};
-  PyArrayObject *offsets = NULL;
-  if (mapping != Py_None && bd_core_state_read(&state, mapping, &model->info) < 0) {
-    return NULL;
-  }
-  if (offset != Py_None) {
-    const npy_intp shape[2] = {model->info.n_pulleys, 2};
-    offsets = bd_convert_array(offset, "offset", 2, shape);
-    if (!offsets) {
-      goto out;
-    }
-    options.offset = PyArray_DATA(offsets);
-  }
+  const npy_intp shape[2] = {self->model->info.n_pulleys, 2};
+  bd_state state;
   bd_error err = {0};
-  bd_settling *settling = NULL;
-  int code = bd_settle_create(&settling, model->model, mapping == Py_None ? NULL : &state.state,
-                              &options, &err);
-  volatile int *stop = code < 0 ? NULL : new_stop();
-  if (code < 0) {
-    bd_core_raise(code, &err);
-  } else if (!stop) {
-    bd_settle_free(settling);
-  } else {
-    self = wrap((PyTypeObject *)type, bd_settle_sim(settling), settling, stop, model, NULL);
+  int code = 0;
+  PyObject *given =
+      mapping == Py_None ? NULL : bd_core_state_read(&state, mapping, &self->model->info);
+  PyArrayObject *offsets =
+      offset == Py_None || PyErr_Occurred() ? NULL : bd_convert_array(offset, "offset", 2, shape);
+  options.offset = offsets ? PyArray_DATA(offsets) : NULL;
+  if (!PyErr_Occurred()) {
+    code = bd_settle_create(&self->settling, self->model->model, given ? &state : NULL, &options,
+                            &err);
+    self->sim = code < 0 ? NULL : bd_settle_sim(self->settling);
   }
-out:
   Py_XDECREF(offsets);
-  bd_core_state_release(&state);
-  return self;
+  Py_XDECREF(given);
+  return finish(self, code, &err);
 }
 
 static int sim_traverse(PyObject *object, visitproc visit, void *arg) {
@@ -267,10 +190,13 @@ static int sim_clear(PyObject *object) {
   bd_core_sim *self = (bd_core_sim *)object;
   bd_core_call *calls = self->calls;
   Py_ssize_t n_calls = self->n_calls;
-  free_core(self->sim, self->settling, self->stop);
+  if (self->settling) {
+    bd_settle_free(self->settling);
+  } else {
+    bd_sim_free(self->sim);
+  }
   self->sim = NULL;
   self->settling = NULL;
-  self->stop = NULL;
   self->calls = NULL;
   self->n_calls = 0;
   bd_core_calls_free(calls, n_calls);
@@ -291,19 +217,8 @@ static void sim_dealloc(PyObject *object) {
 
 /* --- samples --------------------------------------------------------------------------------- */
 
-PyDoc_STRVAR(
-    sample_doc,
-    "sample($self, /, t, outputs=None)\n--\n\n"
-    "Attach sample times; once, before the first advance().\n\n"
-    "t: times [s], shape (n_t,), non-decreasing and within the run. outputs: names of\n"
-    "those to compute and keep; None: all but \"span_tension\" and \"across\". Returns a\n"
-    "dict of arrays (n_t, width): OUTPUTS by name (float64; \"energy\" only with the\n"
-    "ledger; \"load\" of shape (n_t, n_p, 2)), \"pulley\" (int32: the pulley the link\n"
-    "touches, or -1), \"span_tension\" (as span_tension()), \"across\" (as bd_output). The\n"
-    "run fills them row by row; rows not yet written hold NaN and -1. They stay valid\n"
-    "after the simulation.\n"
-    "Raises TypeError or ValueError for bad times, RuntimeError if called too late,\n"
-    "KeyboardInterrupt while it fills them: it may then be called again.");
+PyDoc_STRVAR(sample_doc, "sample($self, /, t, outputs=None)\n--\n\n"
+                         "Attach sample times; once, before the first advance().");
 
 static PyObject *attach_samples(bd_core_sim *self, PyArrayObject *t, PyObject *wanted) {
   if (self->outputs || self->started) {
@@ -332,11 +247,11 @@ static PyObject *attach_samples(bd_core_sim *self, PyArrayObject *t, PyObject *w
 }
 
 static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords) {
-  char *names[] = {"t", "outputs", NULL};
   bd_core_sim *self = (bd_core_sim *)object;
   const npy_intp any = BD_ANY;
   PyObject *times, *outputs = Py_None, *dict = NULL;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O|O:sample", names, &times, &outputs)) {
+  const bd_argument rows[] = {{"t", BD_OBJECT, &times}, {"outputs", BD_OBJECT, &outputs}, {0}};
+  if (bd_convert_arguments(args, keywords, "O|O:sample", rows) < 0) {
     return NULL;
   }
   PyObject *wanted = outputs == Py_None ? NULL : bd_core_output_names(outputs);
@@ -403,27 +318,19 @@ static int advance_chunk(bd_core_sim *self, double left, bd_error *err) {
 
 PyDoc_STRVAR(advance_doc,
              "advance($self, /, seconds)\n--\n\n"
-             "Run for about this much wall time [s]; True at the end of the run, else False.\n\n"
-             "seconds: >= 0, may be inf; at least one step is made. Runs without the GIL unless a\n"
-             "torque is a Python callable, and answers signals every few milliseconds: after\n"
-             "KeyboardInterrupt the state is that of a finished step and the run can go on. An\n"
-             "exception of a torque callable comes out unchanged and ends the run. After stop()\n"
-             "it raises KeyboardInterrupt, whenever called. Raises SimulationError if the run\n"
-             "cannot go on, again whenever called again, and RuntimeError if the simulation is\n"
-             "running in another call.");
+             "Run for about this much wall time [s]; True at the end of the run, else False.");
 
 static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keywords) {
-  char *names[] = {"seconds", NULL};
   bd_core_sim *self = (bd_core_sim *)object;
   PyObject *argument;
   double seconds;
-  if (!PyArg_ParseTupleAndKeywords(args, keywords, "O:advance", names, &argument) ||
+  const bd_argument rows[] = {{"seconds", BD_OBJECT, &argument}, {0}};
+  if (bd_convert_arguments(args, keywords, "O:advance", rows) < 0 ||
       bd_convert_real(argument, "seconds", &seconds) < 0) {
     return NULL;
   }
   if (!(seconds >= 0)) {
-    PyErr_Format(PyExc_ValueError, "seconds must be >= 0, got %R", argument);
-    return NULL;
+    return PyErr_Format(PyExc_ValueError, "seconds must be >= 0, got %R", argument);
   }
   if (bd_core_enter(self) < 0) {
     return NULL;
@@ -434,7 +341,7 @@ static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keyword
   double now = clock_seconds();
   const double end = now + seconds;
   do {
-    if (bd_core_check_stop(self->stop) < 0) {
+    if (bd_core_check_stop(&self->stop) < 0) {
       code = BD_MORE;
       interrupted = 1;
       break;
@@ -449,24 +356,17 @@ static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keyword
   } while (code == BD_MORE && !interrupted && now < end);
   bd_core_leave(self);
   if (interrupted || (code < 0 && bd_error_kind(code) == BD_KIND_CALL && !PyErr_Occurred() &&
-                      bd_core_check_stop(self->stop) < 0)) {
+                      bd_core_check_stop(&self->stop) < 0)) {
     return NULL;
   }
-  return code < 0 ? bd_core_raise(code, &err) : PyBool_FromLong(code == BD_OK);
+  return bd_core_result(PyBool_FromLong(code == BD_OK), code, &err);
 }
 
-PyDoc_STRVAR(stop_doc,
-             "stop($self, /)\n--\n\n"
-             "End the run soon: for other threads, and for callbacks that cannot raise.\n\n"
-             "advance() then raises KeyboardInterrupt: after the steps of some milliseconds that\n"
-             "it is at, or after the next call of a torque function. It cannot be taken back.\n"
-             "The state is that of a finished step. Never waits, and may be called at any time.");
+PyDoc_STRVAR(stop_doc, "stop($self, /)\n--\n\n"
+                       "End the run soon: for other threads, and for callbacks that cannot raise.");
 
 static PyObject *sim_stop(PyObject *object, PyObject *Py_UNUSED(none)) {
-  bd_core_sim *self = (bd_core_sim *)object;
-  if (self->stop) { /* not cleared by the garbage collector */
-    *self->stop = 1;
-  }
+  ((bd_core_sim *)object)->stop = 1;
   Py_RETURN_NONE;
 }
 
@@ -485,24 +385,11 @@ static PyMethodDef sim_methods[] = {
     {NULL, NULL, 0, NULL},
 };
 
-PyDoc_STRVAR(
-    sim_doc,
-    "Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
-    "           max_step=0.0, max_steps=0, ledger=True, breakpoints=(),\n"
-    "           torque_interval=..., guards=True, motion=())\n--\n\n"
-    "One run; not to be used by two threads at once (RuntimeError).\n\n"
-    "state: mapping as of state(), copied. torque: sequence of terms that add up,\n"
-    "(\"piecewise\", t, values (n_t, n_p)), (\"viscous\", coefficients (n_p,)),\n"
-    "(\"function\", address, user_address) of C functions the caller keeps alive, or\n"
-    "(\"call\", f) with f(t, theta, omega) -> n_p torques [N m]; theta [rad] and omega\n"
-    "[rad/s] are read-only arrays (n_p,). t_end: [s]. rtol: error asked for\n"
-    "(adaptive methods). step: of \"rk4\", \"lbdf2\", \"lie\", or the first step [s], 0: chosen.\n"
-    "max_step [s] and max_steps: 0: none. ledger: carry the energy ledger. breakpoints:\n"
-    "more times [s] at which to stop exactly. torque_interval: longest time between two\n"
-    "calls of a function [s]. guards: False, to measure what they cost. motion: of pulleys,\n"
-    "(pulley, \"piecewise\", t, values) of the speed [rad/s], (pulley, \"speed\", f) or\n"
-    "(pulley, \"angle\", f) with f(t) a number, called for times within the run, some twice.\n"
-    "Raises TypeError or ValueError naming the argument.");
+PyDoc_STRVAR(sim_doc,
+             "Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
+             "           max_step=0.0, max_steps=0, ledger=True, breakpoints=(),\n"
+             "           torque_interval=..., guards=True, motion=())\n--\n\n"
+             "One run; not to be used by two threads at once (RuntimeError).");
 
 static PyType_Slot sim_slots[] = {
     {Py_tp_doc, (void *)sim_doc},           {Py_tp_new, sim_new},

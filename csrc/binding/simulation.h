@@ -18,8 +18,8 @@ typedef struct {
   Py_ssize_t n_calls;
   PyObject *outputs; /* list of the arrays the core writes to; NULL: no sample times */
   PyObject *passes;
-  volatile int *stop; /* set by stop(), in any thread; looked at here and in the core */
-  double rate;        /* steps per second of wall time, 0: not known yet */
+  volatile int stop; /* set by stop(), in any thread; looked at here and in the core */
+  double rate;       /* steps per second of wall time, 0: not known yet */
   int ledger, started;
   atomic_bool busy;
 } bd_core_sim;

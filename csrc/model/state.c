@@ -50,7 +50,7 @@ int bd_field_pieces(const bd_layout *lay, int row) {
   const int each = size == BD_SIZE_STATES  ? lay->slots * lay->states
                    : size == BD_SIZE_SLOTS ? lay->slots
                                            : 1;
-  return bd_has_field(lay, row) ? each : 0;
+  return row >= F_THETA || (lay->fields >> row & 1u) ? each : 0;
 }
 
 int bd_field_length(const bd_layout *lay, int row) {

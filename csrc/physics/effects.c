@@ -171,8 +171,10 @@ static double torque_of_contact(const bd_plan *plan, const double *y, int j) {
 /* Of friction that settling leaves out. */
 static void rest_contact(const bd_plan *plan, double *y) {
   const bd_layout *lay = &plan->model->lay;
-  for (int f = F_MU; !plan->friction_on && f < bd_f_slip(lay, lay->slots); ++f) {
-    memset(bd_field(lay, y, f), 0, (size_t)lay->n * sizeof *y);
+  for (int row = F_MU; !plan->friction_on && row <= F_SLIP; ++row) {
+    for (int k = 0; k < bd_field_pieces(lay, row); ++k) {
+      memset(y + bd_field_offset(lay, row, k), 0, (size_t)lay->n * sizeof *y);
+    }
   }
 }
 

@@ -128,15 +128,20 @@ static int check_touch(bd_sim *sim, int j) {
   return BD_OK;
 }
 
+/* Whether the belt's nodes move with it, so that they come to pulleys and leave them. */
+static int has_nodes(const bd_sim *sim) {
+  return sim->stepper.model->belt_model->distances != NULL;
+}
+
 static int check_friction(bd_sim *sim) {
   const bd_plan *plan = &sim->stepper.plan;
   const bd_layout *lay = &plan->model->lay;
   int code = BD_OK;
   bd_plan_see(plan, sim->stepper.y);
-  for (int j = 0; code == BD_OK && j < lay->np; ++j) {
+  for (int j = 0; code == BD_OK && has_nodes(sim) && j < lay->np; ++j) {
     code = check_touch(sim, j);
   }
-  for (int s = 0; s < lay->slots; ++s) {
+  for (int s = 0; has_nodes(sim) && s < lay->slots; ++s) {
     for (int i = 0; code == BD_OK && i < lay->n; ++i) {
       code = check_link(sim, s, i, (int)plan->owner[s * lay->n8 + i]);
     }
@@ -269,7 +274,7 @@ int bd_invariants_check(bd_sim *sim) {
     code =
         bd_plan_rate_of_belt(&stepper->plan, stepper->t, stepper->y, dy, &stepper->report.failure);
   }
-  if (code == BD_OK) {
+  if (code == BD_OK && has_nodes(sim)) {
     code = check_forces(sim, dy);
   }
   return code == BD_OK ? check_losses(sim, dy) : code;

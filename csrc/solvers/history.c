@@ -21,7 +21,7 @@ static void wind(bd_stepper *stepper) {
  * multistep method would take the difference for an error. */
 static void reset_friction(bd_stepper *stepper) {
   const bd_layout *lay = &stepper->model->lay;
-  for (int s = 0; bd_has_field(lay, F_SLIP) && s < lay->slots; ++s) {
+  for (int s = 0; s < bd_field_pieces(lay, F_SLIP); ++s) {
     const double *slip = bd_cfield(lay, stepper->y, bd_f_slip(lay, s));
     for (int k = 0; k < stepper->n_history; ++k) {
       double *before = stepper->history[k];
