@@ -46,13 +46,15 @@ void bd_nodes_contact_outputs(bd_plan *plan, const double *y, const bd_output *o
 bd_contact_rounding bd_nodes_rounding(const bd_plan *plan, const double *y, int j);
 double bd_nodes_off_line(bd_plan *plan, const double *y, const double *y_new, double h);
 
+extern const bd_newton_belt bd_newton_nodes; /* solvers/newton_system.c */
+
 /* What all rows with nodes that are masses share. */
 #define BD_NODES                                                                                   \
-  .joints = bd_nodes_joints, .fall = bd_nodes_fall, .list = bd_search_ready,                       \
-  .begin = bd_plan_assign_contacts, .after_step = bd_contact_after_step, .push = bd_nodes_push,    \
-  .contact_outputs = bd_nodes_contact_outputs, .rounding = bd_nodes_rounding,                      \
-  .off_line = bd_nodes_off_line, .energy = bd_nodes_energy, .stored = bd_nodes_stored,             \
-  .turns = bd_nodes_turns
+  .newton = &bd_newton_nodes, .joints = bd_nodes_joints, .fall = bd_nodes_fall,                    \
+  .list = bd_search_ready, .begin = bd_plan_assign_contacts, .after_step = bd_contact_after_step,  \
+  .push = bd_nodes_push, .contact_outputs = bd_nodes_contact_outputs,                              \
+  .rounding = bd_nodes_rounding, .off_line = bd_nodes_off_line, .energy = bd_nodes_energy,         \
+  .stored = bd_nodes_stored, .turns = bd_nodes_turns
 
 /* --- links.c: rigid links -------------------------------------------------------------------- */
 

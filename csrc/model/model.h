@@ -116,6 +116,7 @@ struct bd_model {
 /* --- belts/ ----------------------------------------------------------------------------------- */
 
 typedef struct bd_plan bd_plan; /* physics/physics.h */
+typedef struct bd_newton_belt bd_newton_belt;
 
 /* A joint as outputs see it: stretch along the belt there, square of the whole stretch; the angle
  * between its nodes; the force in it. */
@@ -142,7 +143,8 @@ typedef struct bd_contact_rounding {
  * state that is read and of samples; what is done for every node in every step is in kernels. */
 struct bd_belt_model {
   bd_belt_facts facts;
-  const char *joints_text[2]; /* for result.effects, without bending and with */
+  const bd_newton_belt *newton; /* its part of linear systems (solvers/solvers.h) */
+  const char *joints_text[2];   /* for result.effects, without bending and with */
   /* --- the model's: the way into a run and out of it */
   /* Least distance from a point of what touches at node i. */
   double (*distance)(const bd_model *model, const bd_state *state, int i, const double point[2]);

@@ -37,10 +37,6 @@ static void carve_joints_tangent(bd_carver *carver, bd_derivatives *out, const b
   }
 }
 
-static void tangent_joints(const bd_plan *plan, const double *y, bd_derivatives *out) {
-  plan->kernels->newton->linearise_joints(&plan->links, y, &out->joints);
-}
-
 static void stiffness_of_joints(bd_stiffening *at) {
   const bd_info *info = &at->model->info;
   const double shear = at->model->belt_model->facts.shear, m = info->link_mass,
@@ -56,7 +52,7 @@ const bd_effect bd_effect_joints = {
     .label = label_joints,
     .enabled = always,
     .rate = pass_joints,
-    .tangent = tangent_joints,
+    .tangent = bd_tangent_none, /* the belt has its own (bd_newton_belt) */
     .carve_tangent = carve_joints_tangent,
     .stiffness = stiffness_of_joints,
     .outputs = bd_outputs_of_joints,
@@ -151,19 +147,6 @@ static void carve_contact_tangent(bd_carver *carver, bd_derivatives *out, const 
   BD_CARVE(carver, out->runs, lay->np * out->max_runs);
 }
 
-/* Which links are near which pulley: whether contact is linearised as it stands or as a step of
- * some length finds it depends on the method (bd_newton_factor). */
-static void tangent_contact(const bd_plan *plan, const double *y, bd_derivatives *out) {
-  const bd_layout *lay = &plan->model->lay;
-  for (int j = 0; j < lay->np; ++j) {
-    out->contact_pulleys[j] = plan->contact_pulleys[j];
-    out->contact_pulleys[j].omega = y[lay->rim[j]];
-    out->n_runs[j] = plan->search.n_runs[j];
-    memcpy(out->runs + j * out->max_runs, bd_runs_of(plan, j),
-           (size_t)out->n_runs[j] * sizeof *out->runs);
-  }
-}
-
 static double torque_of_contact(const bd_plan *plan, const double *y, int j) {
   return bd_runs_on_shaft(&plan->model->lay, j) ? bd_friction_torque(plan, y, j, NULL) : 0.0;
 }
@@ -203,7 +186,7 @@ const bd_effect bd_effect_contact = {
     .label = label_contact,
     .enabled = always,
     .rate = pass_contact,
-    .tangent = tangent_contact,
+    .tangent = bd_tangent_none,
     .carve = carve_contact,
     .carve_tangent = carve_contact_tangent,
     .after_step = after_step_of_contact,

@@ -138,7 +138,7 @@ int bd_model_jacobian(const bd_model *model, const bd_state *state, bd_jacobian 
     bd_stepper *at = &sim->stepper;
     bd_newton_linearise(&at->newton, &at->plan, at->y);
     bd_entries counted = {.n = 0};
-    bd_newton_entries(&at->newton, &at->plan, at->y, at->stage[1], &counted);
+    model->belt_model->newton->entries(&at->newton, &at->plan, at->y, at->stage[1], &counted);
     bd_carver carver = {0};
     int *place;
     carve_jacobian(&carver, &model->lay, counted.n, &place);
@@ -149,7 +149,7 @@ int bd_model_jacobian(const bd_model *model, const bd_state *state, bd_jacobian 
       (*out)->size = number_unknowns(&model->lay, place);
       (*out)->n = counted.n;
       bd_entries entries = {place, 0, (*out)->rows, (*out)->columns, (*out)->values};
-      bd_newton_entries(&at->newton, &at->plan, at->y, at->stage[1], &entries);
+      model->belt_model->newton->entries(&at->newton, &at->plan, at->y, at->stage[1], &entries);
       for (size_t k = 0; code == BD_OK && k < counted.n; ++k) {
         if (!isfinite((*out)->values[k])) {
           code = bd_fail(err, BD_ERR_NOT_FINITE, "state",

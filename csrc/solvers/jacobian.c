@@ -218,7 +218,7 @@ static void read_bodies(const reading *r) {
   }
   for (int body = 0; body < bodies; ++body) {
     const columns of = {bd_freedom_of(r->plan, body).speed, -1};
-    const double *column = bd_newton_border(s, lay, body);
+    const double *column = bd_newton_border(s, body);
     put_units(r, &of);
     read_nodes(r, &of,
                (const double *const[]){column, column + lay->stride, column + 2 * lay->stride},

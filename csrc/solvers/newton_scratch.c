@@ -74,14 +74,12 @@ void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *ke
   }
 }
 
-void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
+void bd_nodes_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
   const bd_layout *lay = &model->lay;
   const bd_newton_kernels *ring = ring_kernels(model);
   const int np = lay->np, bodies = bd_count_bodies(lay);
   const int entries = 3 * ring->unknowns * ring->unknowns;
-  bd_effects_carve_tangents(carver, &system->at, model);
-  double **const by_link[] = {&system->x, &system->y, &system->p};
-  carve_all(carver, lay, by_link, 3);
+  bd_carve_rows(carver, lay, 3, &system->x);
   BD_CARVE(carver, system->blocks.w, entries * lay->n8);
   BD_CARVE(carver, system->blocks.q, entries * lay->n8);
   if (model->belt_model->facts.reach > 0.0) {
@@ -100,7 +98,24 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   }
   BD_CARVE(carver, system->mounts, lay->nm);
   bd_ring_carve(carver, &system->ring, ring, lay->n);
-  BD_CARVE(carver, system->border, 3 * bodies * lay->stride);
+  system->width = 3 * lay->stride;
+  BD_CARVE(carver, system->border, bodies * system->width);
+  if (!carver->base) {
+    return;
+  }
+  system->y = system->x + lay->stride;
+  system->p = system->y + lay->stride;
+  system->kernels = model->kernels->newton;
+  system->ring_kernels = ring;
+  for (int body = 0; body < bodies; ++body) {
+    system->bodies[body].column = bd_newton_border(system, body);
+  }
+}
+
+void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
+  const int np = model->lay.np, bodies = bd_count_bodies(&model->lay);
+  bd_effects_carve_tangents(carver, &system->at, model);
+  model->belt_model->newton->carve(carver, system, model);
   BD_CARVE(carver, system->own, np);
   BD_CARVE(carver, system->rhs, bodies);
   BD_CARVE(carver, system->matrix, bodies * bodies);
@@ -108,12 +123,4 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   BD_CARVE(carver, system->by_theta, np * np);
   BD_CARVE(carver, system->by_omega, np * np);
   BD_CARVE(carver, system->by_time, np);
-  if (!carver->base) {
-    return;
-  }
-  system->kernels = model->kernels->newton;
-  system->ring_kernels = ring;
-  for (int body = 0; body < bodies; ++body) {
-    system->bodies[body].column = bd_newton_border(system, lay, body);
-  }
 }

@@ -64,10 +64,25 @@ int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err) {
   return BD_OK;
 }
 
+/* Of contact which links are near which pulley: whether it is linearised as it stands or as a step
+ * of some length finds it depends on the method (bd_newton_factor). */
+static void nodes_linearise(bd_newton_system *system, const bd_plan *plan, const double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  bd_derivatives *at = &system->at;
+  system->kernels->linearise_joints(&plan->links, y, &at->joints);
+  for (int j = 0; j < lay->np; ++j) {
+    at->contact_pulleys[j] = plan->contact_pulleys[j];
+    at->contact_pulleys[j].omega = y[lay->rim[j]];
+    at->n_runs[j] = plan->search.n_runs[j];
+    memcpy(runs_of(system, j), bd_runs_of(plan, j), (size_t)at->n_runs[j] * sizeof *at->runs);
+  }
+}
+
 void bd_newton_linearise(bd_newton_system *system, const bd_plan *plan, const double *y) {
   for (int k = 0; k < plan->n_effects; ++k) {
     plan->effects[k]->tangent(plan, y, &system->at);
   }
+  plan->model->belt_model->newton->linearise(system, plan, y); /* with axes where mounts put them */
 }
 
 /* --- the border ------------------------------------------------------------------------------ */
@@ -96,14 +111,15 @@ static int pulley_of(const bd_layout *lay, int body) {
 }
 
 /* A body's row times the velocities of the links. */
-static double body_row(const bd_newton_system *system, const bd_plan *plan, int body,
-                       const double *x, const double *y, const double *p) {
+static double nodes_row(const bd_newton_system *system, const bd_plan *plan, int body,
+                        const double *v) {
   const bd_layout *lay = &plan->model->lay;
   const int j = bd_is_mount_body(lay, body) ? lay->mounted[body - lay->np] : pulley_of(lay, body);
   if (j < 0) {
     return 0.0;
   }
-  return bd_newton_row(system, plan, j, system->bodies[body].w, (const double *[]){x, y, p});
+  return bd_newton_row(system, plan, j, system->bodies[body].w,
+                       (const double *[]){v, v + lay->stride, v + 2 * lay->stride});
 }
 
 double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j, double g,
@@ -202,8 +218,7 @@ void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, do
       .bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half,
   };
   for (int body = 0; body < bd_count_bodies(lay); ++body) {
-    memset(bd_newton_border(system, lay, body), 0,
-           (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
+    memset(bd_newton_border(system, body), 0, (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
   }
   bd_close_links(lay, y);
   if (plan->kernels->gather_points) {
@@ -231,26 +246,34 @@ void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, do
   }
 }
 
+static void nodes_factor(bd_newton_system *system) {
+  system->ring_kernels->factor(&system->ring, system->blocks.w);
+}
+
+static void nodes_solve(const bd_newton_system *system, const bd_layout *lay, double *v) {
+  system->ring_kernels->solve(&system->ring,
+                              (double *const[]){v, v + lay->stride, v + 2 * lay->stride});
+}
+
 void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double g, double h,
                       double *c) {
   const bd_layout *lay = &plan->model->lay;
   const double damped = 1.0 + g * system->at.mass_damping;
-  bd_newton_fill(system, plan, y, g, h, c, plan->model->info.link_mass * damped);
-  system->ring_kernels->factor(&system->ring, system->blocks.w);
+  const bd_newton_belt *belt = plan->model->belt_model->newton;
+  belt->fill(system, plan, y, g, h, c, plan->model->info.link_mass * damped);
+  belt->factor(system);
   const int first = first_body(plan), n = count_bodies(plan);
   for (int j = 0; j < n; ++j) {
-    double *z = bd_newton_border(system, lay, first + j);
-    system->ring_kernels->solve(&system->ring,
-                                (double *const[]){z, z + lay->stride, z + 2 * lay->stride});
+    double *z = bd_newton_border(system, first + j);
+    belt->solve(system, lay, z);
     for (int i = 0; i < n; ++i) {
       if (bd_newton_is_prescribed(plan, first + i)) {
         system->matrix[i * n + j] = i == j;
         continue;
       }
       const double inertia = i == j ? bd_freedom_of(plan, first + i).inertia * damped : 0.0;
-      system->matrix[i * n + j] =
-          bd_newton_entry(system, plan, first + i, first + j, g, inertia) -
-          body_row(system, plan, first + i, z, z + lay->stride, z + 2 * lay->stride);
+      system->matrix[i * n + j] = bd_newton_entry(system, plan, first + i, first + j, g, inertia) -
+                                  belt->row(system, plan, first + i, z);
     }
   }
   decompose(n, system->matrix, system->pivots);
@@ -265,29 +288,19 @@ void bd_newton_close(const bd_layout *lay, double *c) {
   }
 }
 
-/* Solutions do not move what stands there in a state, by rounding either, which differences of
- * states over a step's length make grow. */
-static void clear_behind(const bd_layout *lay, double *c) {
-  const int n = lay->n;
-  for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
-    memset(v + n, 0, (size_t)(lay->stride - BD_HALO - n) * sizeof *v);
-  }
-}
-
 double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
                      const double *const *v) {
   return system->kernels->row_runs(&plan->model->lay, system->at.n_runs[j], runs_of(system, j), row,
                                    v);
 }
 
-void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c) {
+static void nodes_product(bd_newton_system *system, const bd_plan *plan, double *c) {
   const bd_layout *lay = &plan->model->lay;
   const bd_newton_kernels *kernels = system->kernels;
   const double g = system->stage.g, m = g / plan->links.inv_mass;
   const double mass[3] = {m, m, m * plan->links.half / system->stage.slender};
   double *const r[3] = {system->x, system->y, system->p};
   const double *cq = bd_cfield(lay, c, F_X);
-  memset(system->rhs, 0, (size_t)bd_count_bodies(lay) * sizeof *system->rhs);
   bd_newton_close(lay, c);
   kernels->blocks_product(lay, system->blocks.q, cq, bd_cfield(lay, c, F_VX), mass, r);
   for (int j = 0; j < lay->np; ++j) {
@@ -305,11 +318,22 @@ void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c)
       bd_mount_product(system, plan, mount_of(plan, j), c, sums + 1, &system->rhs[body]);
     }
   }
+}
+
+void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c) {
+  memset(system->rhs, 0, (size_t)bd_count_bodies(&plan->model->lay) * sizeof *system->rhs);
+  plan->model->belt_model->newton->product(system, plan, c);
   for (int e = 0; e < plan->n_effects; ++e) {
     if (plan->effects[e]->product) {
-      plan->effects[e]->product(&system->at, plan->model, g, c, system->rhs);
+      plan->effects[e]->product(&system->at, plan->model, system->stage.g, c, system->rhs);
     }
   }
+}
+
+static void nodes_finish(const bd_newton_system *system, const bd_plan *plan, int n,
+                         const double *columns, const double *factors, double *c) {
+  system->kernels->finish_nodes(&plan->links, &system->stage, n, columns, factors, system->x,
+                                system->y, system->p, c);
 }
 
 void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
@@ -331,14 +355,40 @@ void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, doub
   }
 }
 
+/* Solutions do not move what stands there in a state, by rounding either, which differences of
+ * states over a step's length make grow. */
+static void clear_behind(const bd_layout *lay, double *c) {
+  const int n = lay->n;
+  for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
+    memset(v + n, 0, (size_t)(lay->stride - BD_HALO - n) * sizeof *v);
+  }
+}
+
+static void nodes_restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
+  bd_newton_restore(system, plan, c);
+  clear_behind(&plan->model->lay, c);
+}
+
+const bd_newton_belt bd_newton_nodes = {.carve = bd_nodes_newton_carve,
+                                        .linearise = nodes_linearise,
+                                        .fill = bd_newton_fill,
+                                        .factor = nodes_factor,
+                                        .solve = nodes_solve,
+                                        .row = nodes_row,
+                                        .product = nodes_product,
+                                        .finish = nodes_finish,
+                                        .restore = nodes_restore,
+                                        .entries = bd_newton_entries};
+
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const double g = system->stage.g;
   const int first = first_body(plan), n = count_bodies(plan);
-  double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
+  const bd_newton_belt *belt = model->belt_model->newton;
+  double *x = system->x, *rhs = system->rhs;
   bd_newton_product(system, plan, c);
-  system->ring_kernels->solve(&system->ring, (double *const[]){x, y, p});
+  belt->solve(system, lay, x);
   for (int body = first; body < first + n; ++body) {
     const int j = body < lay->np ? body : -1;
     if (bd_newton_is_prescribed(plan, body)) {
@@ -351,11 +401,10 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     for (int k = 0; j >= 0 && k < lay->np; ++k) {
       rhs[j] += g * g * system->by_theta[j * lay->np + k] * c[lay->theta + k];
     }
-    rhs[body] -= body_row(system, plan, body, x, y, p);
+    rhs[body] -= belt->row(system, plan, body, x);
   }
   substitute(n, system->matrix, system->pivots, rhs + first);
-  system->kernels->finish_nodes(&plan->links, &system->stage, n,
-                                bd_newton_border(system, lay, first), rhs + first, x, y, p, c);
+  belt->finish(system, plan, n, bd_newton_border(system, first), rhs + first, c);
   for (int m = 0; m < lay->nm; ++m) {
     bd_mount_finish(system, plan, m, rhs[lay->np + m], c);
   }
@@ -369,8 +418,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
     c[lay->omega + j] = angular_acceleration;
   }
-  bd_newton_restore(system, plan, c);
-  clear_behind(lay, c);
+  belt->restore(system, plan, c);
   for (int k = 0; k < lay->n_work; ++k) {
     c[lay->work + k] = 0.0; /* the ledger follows the steps (implicit.c) */
   }

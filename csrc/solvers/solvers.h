@@ -21,8 +21,9 @@ typedef struct bd_newton_system {
   bd_ring ring;
   bd_derivatives at; /* the effects', at the state */
   bd_stage stage;
-  double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
-  double *border;    /* per shaft, then per mount: its column, solved by the ring */
+  double *x, *y, *p; /* right-hand side and solution of the ring, with halo, at the stride */
+  double *border;    /* per shaft, then per mount: its column, solved by the ring, */
+  int width;         /* so many numbers apart */
   bd_assembled blocks;
   bd_contact_scratch scratch; /* of contact along the links */
   bd_slot *slots;             /* per pulley */
@@ -36,6 +37,7 @@ typedef struct bd_newton_system {
 /* Cuts a ring of n links, at least as many as there are arcs, into arcs. */
 void bd_ring_carve(bd_carver *carver, bd_ring *ring, const bd_newton_kernels *kernels, int n);
 void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model);
+void bd_nodes_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model *model);
 /* Refuses a plan with an effect whose derivatives are not known. */
 int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err);
 /* Keeps the Jacobian at a state whose rate was the last to be evaluated, but for the set torques.
@@ -49,6 +51,29 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
                       double *c);
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
+
+/* What a belt has in these systems, named by its row; vectors are of all its unknowns, as it lays
+ * them, halo in front. Carves x, border and width; keeps its derivatives (bd_newton_linearise).
+ * Fills matrices, rows and columns of bodies, and their own entries (bd_newton_fill), and factors
+ * its own; solves with it, in place; a body's row times a solution; the right-hand sides from c, of
+ * itself (system->x) and of bodies (rhs); its unknowns into c, from the solution less columns times
+ * factors; those that follow from all others; entries of J, as bd_newton_entries. */
+struct bd_entries;
+struct bd_newton_belt {
+  void (*carve)(bd_carver *carver, bd_newton_system *system, const bd_model *model);
+  void (*linearise)(bd_newton_system *system, const bd_plan *plan, const double *y);
+  void (*fill)(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
+               double *c, double mass);
+  void (*factor)(bd_newton_system *system);
+  void (*solve)(const bd_newton_system *system, const bd_layout *lay, double *v);
+  double (*row)(const bd_newton_system *system, const bd_plan *plan, int body, const double *v);
+  void (*product)(bd_newton_system *system, const bd_plan *plan, double *c);
+  void (*finish)(const bd_newton_system *system, const bd_plan *plan, int n, const double *columns,
+                 const double *factors, double *c);
+  void (*restore)(const bd_newton_system *system, const bd_plan *plan, double *c);
+  void (*entries)(bd_newton_system *system, bd_plan *plan, double *y, double *c,
+                  struct bd_entries *to);
+};
 
 /* The parts of which these are made, for jacobian.c. Blocks and border for links of this mass; the
  * right-hand side of ring and bodies, g M c_v + Q c_q and what given states are worth; states of
@@ -70,9 +95,8 @@ static inline int bd_is_mount_body(const bd_layout *lay, int body) {
 }
 
 /* The part of a body's column that the ring takes: T^-1 B, three blocks. */
-static inline double *bd_newton_border(const bd_newton_system *system, const bd_layout *lay,
-                                       int body) {
-  return system->border + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
+static inline double *bd_newton_border(const bd_newton_system *system, int body) {
+  return system->border + (size_t)body * (size_t)system->width + BD_HALO;
 }
 
 /* A row of a body times vectors by node, where pulley j is near. */
