@@ -142,6 +142,8 @@ class Model:
     @property
     def mounts(self) -> tuple[dict[str, float], ...]: ...  # numbers as they act: BD_MOUNT_NUMBERS
     @property
+    def couplings(self) -> tuple[dict[str, float], ...]: ...  # BD_COUPLING_NUMBERS
+    @property
     def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy" in its runs
     @property
     def friction(self) -> tuple[tuple[str, float, float], ...]: ...  # law, kinetic, slip; by pulley

@@ -36,6 +36,8 @@ Stops: TypeAlias = tuple[float, float] | None
 class MountKind(NamedTuple):
     """A row of the table of mounts, a class each: what the package asks for by it.
 
+    What stands still in a picture is ``_drawn`` of the class: points (n, 2) by style, of a pulley.
+
     Attributes:
         name: In the core, in TOML files and in reports.
         part: What modes call it.
@@ -252,6 +254,9 @@ class Arm(Sprung):
         free="free_angle",
     )
 
+    def _drawn(self, _center: Array, _radius: float) -> dict[str, Array]:
+        return {"pivot": np.array([self.pivot])}
+
     pivot: tuple[float, float]
     inertia: float
     mass: float = 0.0
@@ -320,6 +325,11 @@ class Slider(Sprung):
         spring="spring, hung weight",
     )
 
+    def _drawn(self, center: Array, radius: float) -> dict[str, Array]:
+        start, end, tip = center + np.outer((-1.6, 1.6, 2.1), radius * self._direction(center))
+        pull = {"pull": np.array([end, tip])} if self.weight > 0.0 else {}
+        return {"guide": np.array([start, end])} | pull
+
     direction: tuple[float, float] = attrs.field(
         converter=_direction, metadata={"rule": _DIRECTION}
     )
@@ -373,6 +383,9 @@ class Path(Printable):
         sense="",
         remark="Paths: distance of the axis from the drawn place.",
     )
+
+    def _drawn(self, center: Array, _radius: float) -> dict[str, Array]:
+        return {"way": center + self.displacement}
 
     t: Array = attrs.field(converter=_times)
     displacement: Array = attrs.field(converter=_displacement)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain, repeat
 from typing import Any
 
 import attrs
@@ -347,9 +348,9 @@ class Params:
         ]
         if self.friction is not None:
             parts.append(("friction", self.friction))
-        rows = self._rows_of_belt()
+        rows, chosen = self._rows_of_belt(), self._chosen()
         rows += [
-            (f"{prefix}.{name}", quantity, text)
+            (f"{prefix}.{name}", chosen.get(f"{prefix}.{name}", quantity), text)
             for prefix, part in parts
             for name, quantity, text in part._rows()
         ]
@@ -387,6 +388,20 @@ class Params:
         if (nodes := self._belt_facts["nodes"]) != "links":
             rows["n_bodies"][1] = f"number of {nodes}, n_b"
         return [(f"belt.{name}", quantity, text) for name, (quantity, text) in rows.items()]
+
+    def _chosen(self) -> dict[str, str]:
+        """Quantities of mounts and couplings that were left open, as they act, by name."""
+        of_mounts = zip(repeat("mount"), self.mounted, self._model.mounts)
+        of_couplings = zip(repeat("coupling"), self.coupled, self._model.couplings)
+        found = {}
+        for name, k, acting in chain(of_mounts, of_couplings):
+            part = getattr(self.pulleys[k], name)
+            for field in attrs.fields(type(part)):
+                value = acting.get(field.name)
+                if value and not getattr(part, field.name):
+                    quantity = field.metadata["rule"].quantity(value)
+                    found[f"pulleys[{k}].{name}.{field.name}"] = f"{quantity}, chosen"
+        return found
 
     def _mounts_at_rest(self) -> list[str]:
         travel = self._model.rest

@@ -274,14 +274,19 @@ int bd_model_belt(const bd_model *model); /* row of its belt, BD_BELT_MODEL_... 
  */
 void bd_model_rest(const bd_model *model, double *travel);
 void bd_model_centers(const bd_model *model, const double *travel, double *centers);
-/* Numbers of mount m as they act, given or chosen. */
-typedef struct bd_mount_numbers {
+/* Numbers of mount m, of coupling c as they act, given or chosen. */
 #define X(name, text) double name;
+typedef struct bd_mount_numbers {
   BD_MOUNT_NUMBERS(X)
-#undef X
 } bd_mount_numbers;
 
+typedef struct bd_coupling_numbers {
+  BD_COUPLING_NUMBERS(X)
+} bd_coupling_numbers;
+#undef X
+
 bd_mount_numbers bd_model_mount(const bd_model *model, int m);
+bd_coupling_numbers bd_model_coupling(const bd_model *model, int c);
 
 /* What messages call a pulley: pulley "crank", or pulley 3 if it has no name. */
 typedef struct bd_label {

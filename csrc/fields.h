@@ -198,11 +198,16 @@
   X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")                         \
   X(double, drag_speed, "rim speed within which Coulomb drag changes its sign, v_0 [m/s]")
 
-/* Numbers of a mount as they act, given or chosen: X(name, text). 0 of one that is prescribed. */
+/* Numbers of a mount, 0 of one that is prescribed, and of a coupling as they act, given or chosen:
+ * X(name, text). */
 #define BD_MOUNT_NUMBERS(X)                                                                        \
   X(inertia, "that its travel moves [kg m^2 of an angle, kg]")                                     \
   X(friction_stiffness, "of its friction before it slides [N m/rad or N/m]")                       \
-  X(stop_stiffness, "of a stop [N m/rad or N/m]")
+  X(stop_stiffness, "of a stop [N m/rad or N/m]")                                                  \
+  X(stop_damping, "of a stop [N m s/rad or N s/m]")
+#define BD_COUPLING_NUMBERS(X)                                                                     \
+  X(stiffness, "of its spring or rollers [N m/rad]")                                               \
+  X(damping, "of the damper beside it [N m s/rad]")
 
 /* Sampled outputs, one row a sample: X(name, group, size, unit, text). size: as of BD_SIZES. Of
  * mounts: torques of an arm, forces of a slider, in the sense of its travel. */

@@ -165,7 +165,8 @@ def test_a_clutch_comes_free_and_engages_at_the_times_of_its_closed_form(
 
 
 def test_rollers_are_as_stiff_as_is_said() -> None:
-    """A clutch without a spring swings at 300 Hz of its hub alone, and has 5 % of critical."""
+    """A clutch without a spring swings at 300 Hz of its hub alone, has 5 % of critical, and is
+    printed with what was chosen."""
     params = two(ROLLERS, friction=None)
     state = turning(params, 0.0, 0.0, 1e-4)
     rate = params._model.rate(state._to_core(params), [0.0, 0.0])
@@ -174,6 +175,8 @@ def test_rollers_are_as_stiff_as_is_said() -> None:
     state = turning(params, 0.0, 1.0, 0.0)
     rate = params._model.rate(state._to_core(params), [0.0, 0.0])
     assert rate["omega"][1] == pytest.approx(0.1 * math.sqrt(stiffness * HUB) / HUB, rel=1e-12)
+    told = {name: quantity for name, quantity, _ in params._rows()}
+    assert told["pulleys[1].coupling.stiffness"] == f"{stiffness:.10g} N m/rad, chosen"
 
 
 @pytest.mark.filterwarnings("ignore:not_in_equilibrium")

@@ -94,13 +94,16 @@ def test_states_of_other_mounts_are_refused() -> None:
 
 
 def test_a_spring_too_strong_for_the_layout_is_named() -> None:
-    """With the travel, its unit, and all of the reason why the belt has no line there."""
+    """By its pulley, with the travel, its unit, and all of the reason why the belt has no line
+    there.
+    """
     spring = bd.Slider(direction=(0.0, 1.0), mass=0.2, stiffness=100.0, preload=5000.0)
     places = [((0.0, 0.0), 0.05, None), ((0.15, -0.12), 0.04, spring), ((0.3, 0.0), 0.08, None)]
     pulleys = [bd.Pulley(center=c, radius=r, inertia=2e-3, mount=m) for c, r, m in places]
+    pulleys[1] = attrs.evolve(pulleys[1], name="tensioner")
     belt = bd.Belt(length=0.95, n_bodies=60, linear_density=0.1, axial_stiffness=5e4)
     message = r"travel of 0\.\d+ m the belt has no line .* or crosses itself\); another preload"
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises(ValueError, match=rf'^the mount of pulley "tensioner" .*{message}'):
         bd.Params(belt=belt, pulleys=pulleys)
 
 

@@ -49,6 +49,8 @@ DRIVES: dict[str, tuple[dict[str, Any], Any, float]] = {
     "plain": ({}, TORQUE, 0.02),
     "drag": ({"drag": [(0.5, 0.02, 1e-3), None]}, TORQUE, 0.02),
     "other drag": ({"drag": [(0.6, 0.02, 1e-3), None]}, TORQUE, 0.02),
+    "coupling": ({"couplings": [None, ("isolator", (0.01, 20.0, 0.02))]}, TORQUE, 0.02),
+    "other coupling": ({"couplings": [None, ("isolator", (0.01, 20.0, 0.03))]}, TORQUE, 0.02),
     "joints": ({"mesh": "joint"}, TORQUE, 0.02),
     "compensated": ({"contact": (5e10, 2.5e7, 1e3, 1, 0.0)}, TORQUE, 0.02),
     "lightly damped": (DAMPED_LIGHTLY, TORQUE, 0.02),
@@ -156,8 +158,11 @@ def test_what_a_record_is_refused_for(rest: dict[str, Any], plain: Callable[...,
     for change in changes:
         with of_another_run:
             plain(**{"method": "rodas4", **change}).import_record(record)
-    with of_another_run:
-        plain("other drag").import_record(plain("drag").export_record())
+    coupled = rest | {name: np.zeros(1) for name in ("rim_angle", "rim_speed", "windup")}
+    for part, state in (("drag", rest), ("coupling", coupled)):
+        of_part = make(part, state, {})[0].export_record()
+        with of_another_run:
+            make(f"other {part}", state, {})[0].import_record(of_part)
     loaded = _core.Simulation(make_model(), rest, LOADS, 0.02).export_record()
     for at, place, value in [
         (1, 1, 0), (1, 2, [0.5, 0.02, 2e-3]), (1, 3, ([0.0, 0.01], [0.5, 0.9])),

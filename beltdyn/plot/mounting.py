@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,49 +16,25 @@ from . import style
 
 __all__ = ["MountPicture", "travel"]
 
-#: Half of a slider's guide, and the arrow of its weight beyond it, in radii of its pulley.
-_GUIDE, _TIP = 1.6, 0.5
-_LOOK: dict[str, Any] = {"color": "0.35", "zorder": 1.2}
-
-
-def _arm(ax: Axes, pulley: Pulley, mount: Any) -> Any:
-    """Draw the pivot; give what reaches from there to the axis."""
-    (line,) = ax.plot([], [], lw=4.0, solid_capstyle="round", alpha=0.6, **_LOOK)
-    ax.plot(*mount.pivot, marker="o", ms=7, mfc="white", mew=1.6, **(_LOOK | {"zorder": 3.4}))
-    return line
-
-
-def _slider(ax: Axes, pulley: Pulley, mount: Any) -> None:
-    start, end, tip = _ends_of_slider(pulley, mount)
+#: How parts of mounts look; an arrow has a look of its own.
+_STYLES: dict[str, dict[str, Any]] = {
+    "bar": {"lw": 4.0, "solid_capstyle": "round", "alpha": 0.6, "zorder": 1.2},
+    "pivot": {"marker": "o", "ms": 7, "mfc": "white", "mew": 1.6, "zorder": 3.4},
     # Behind the pulley, on which its name stands.
-    ax.plot(
-        *zip(start, end, strict=True), lw=1.4, ls=(0, (6, 2, 1, 2)), **(_LOOK | {"zorder": 0.9})
-    )
-    if mount.weight > 0.0:
-        look = {"arrowstyle": "-|>", "color": "0.35", "lw": 1.4, "mutation_scale": 14.0}
-        ax.annotate("", tuple(tip), tuple(end), arrowprops=look)
-
-
-def _ends_of_slider(pulley: Pulley, mount: Any) -> list[Array]:
-    """Give both ends of its guide, and the tip of the arrow of its weight."""
-    center = np.array(pulley.center)
-    along = pulley.radius * mount._direction(center)
-    tip = _GUIDE + _TIP * (mount.weight > 0.0)
-    return [center + s * along for s in (-_GUIDE, _GUIDE, tip)]
-
-
-def _path(ax: Axes, pulley: Pulley, mount: Any) -> None:
-    way = np.array(pulley.center)[:, None] + mount.displacement.T
-    ax.plot(*way, lw=1.2, ls=":", marker=".", **(_LOOK | {"zorder": 3.4}))
-
-
-#: By kind how it is drawn, which may give a line from the first point to the axis; and points that
-#: a picture must hold besides belt and pulleys.
-_DRAWN: dict[str, tuple[Callable[[Axes, Pulley, Any], Any], Callable[[Pulley, Any], list[Any]]]] = {
-    "arm": (_arm, lambda _, mount: [mount.pivot]),
-    "slider": (_slider, _ends_of_slider),
-    "path": (_path, lambda *_: []),
+    "guide": {"lw": 1.4, "ls": (0, (6, 2, 1, 2)), "zorder": 0.9},
+    "way": {"lw": 1.2, "ls": ":", "marker": ".", "zorder": 3.4},
 }
+_ARROW: dict[str, Any] = {"arrowstyle": "-|>", "color": "0.35", "lw": 1.4, "mutation_scale": 14.0}
+
+
+def _drawn(pulleys: Iterable[Pulley]) -> list[tuple[int, str, Array]]:
+    """Give the parts of mounts: index of the pulley, style, points."""
+    return [
+        (k, part, points)
+        for k, pulley in enumerate(pulleys)
+        if (mount := pulley.mount) is not None
+        for part, points in mount._drawn(np.array(pulley.center), pulley.radius).items()
+    ]
 
 
 class MountPicture:
@@ -70,25 +46,27 @@ class MountPicture:
     """
 
     def __init__(self, ax: Axes, pulleys: Sequence[Pulley]) -> None:
-        self._lines: list[tuple[int, Any, Any]] = []
-        for k, pulley in enumerate(pulleys):
-            if (mount := pulley.mount) is not None:
-                draw, reach = _DRAWN[mount._row.name]
-                if (line := draw(ax, pulley, mount)) is not None:
-                    self._lines.append((k, reach(pulley, mount)[0], line))
+        self._bars: list[tuple[int, Array, Any]] = []
+        for k, part, points in _drawn(pulleys):
+            if part == "pivot":
+                (bar,) = ax.plot([], [], color="0.35", **_STYLES["bar"])
+                self._bars.append((k, points[0], bar))
+            if part == "pull":
+                ax.annotate("", tuple(points[1]), tuple(points[0]), arrowprops=_ARROW)
+            else:
+                ax.plot(*points.T, color="0.35", **_STYLES[part])
 
     def move(self, centers: Array) -> list[Artist]:
         """Put the arms where the axes (n_p, 2) are; give the artists that changed."""
-        for k, fixed, line in self._lines:
-            line.set_data([fixed[0], centers[k, 0]], [fixed[1], centers[k, 1]])
-        return [line for _, _, line in self._lines]
+        for k, pivot, bar in self._bars:
+            bar.set_data([pivot[0], centers[k, 0]], [pivot[1], centers[k, 1]])
+        return [bar for _, _, bar in self._bars]
 
     @staticmethod
     def reach(pulleys: Iterable[Pulley]) -> Array:
         """Give points that a picture must hold besides belt and pulleys: pivots, tips (n, 2)."""
-        mounted = [(p, p.mount) for p in pulleys if p.mount is not None]
-        points = [at for p, mount in mounted for at in _DRAWN[mount._row.name][1](p, mount)]
-        return np.array(points, dtype=float).reshape(-1, 2)
+        held = [points for _, part, points in _drawn(pulleys) if part != "way"]
+        return np.concatenate([np.empty((0, 2)), *held])
 
 
 def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:

@@ -19,22 +19,34 @@ void *BD_MALLOC(size_t size);
 void BD_FREE(void *block);
 #endif
 
-static void *carve(char *base, size_t *used, size_t bytes) {
-  void *piece = base ? base + *used : NULL;
-  *used += (bytes + BD_ALIGN - 1) / BD_ALIGN * BD_ALIGN;
+void *bd_carve(bd_carver *carver, size_t count, size_t size) {
+  void *piece = carver->base ? carver->base + carver->used : NULL;
+  carver->used += (count * size + BD_ALIGN - 1) / BD_ALIGN * BD_ALIGN;
   return piece;
 }
 
-void *bd_carve(bd_carver *carver, size_t count, size_t size) {
-  return carve(carver->base, &carver->used, count * size);
+void bd_keep(bd_carver *carver, bd_kept kept) {
+  if (carver->kept) {
+    carver->kept[carver->n_kept] = kept;
+  }
+  ++carver->n_kept;
 }
 
-void *bd_carve_kept(bd_carver *carver, size_t count, size_t size) {
-  return carve(carver->kept, &carver->n_kept, count * size);
+uint64_t bd_check_sum(uint64_t sum, const void *data, size_t size) {
+  const unsigned char *byte = data;
+  for (size_t k = 0; k < size; ++k) {
+    sum = (sum ^ byte[k]) * 0x100000001b3u;
+  }
+  return sum;
+}
+
+void bd_given(bd_carver *carver, const void *data, size_t size) {
+  carver->given = carver->base ? bd_check_sum(carver->given, data, size) : 0;
 }
 
 const double *bd_carve_copy(bd_carver *carver, const double *given, size_t count) {
   double *copy = bd_carve(carver, count, sizeof *copy);
+  bd_given(carver, given, count * sizeof *copy);
   if (copy && count > 0) {
     memcpy(copy, given, count * sizeof *copy);
   }

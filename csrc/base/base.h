@@ -113,21 +113,46 @@ static inline int bd_f_slip(const bd_layout *lay, int slot) {
 /* --- base.c ---------------------------------------------------------------------------------- */
 
 /* Objects are one block each: the same carving code runs twice, first with base NULL to add up the
- * size, then to hand out the pieces. What a restart record keeps (run/record.c) is carved with
- * BD_KEEP, in any order: it lies together behind all else, and its pointers stay. */
+ * size, then to hand out the pieces. Who carves says there what a restart record keeps of it
+ * (run/record.c), and what it was given. */
 typedef struct bd_carver {
-  char *base, *kept;
+  char *base;
   size_t used, n_kept;
+  struct bd_kept *kept; /* NULL: counted only */
+  uint64_t given;       /* check sum */
 } bd_carver;
 
 void *bd_carve(bd_carver *carver, size_t count, size_t size);
-void *bd_carve_kept(bd_carver *carver, size_t count, size_t size);
 #define BD_CARVE(carver, pointer, count)                                                           \
   ((pointer) = bd_carve((carver), (size_t)(count), sizeof *(pointer)))
-#define BD_KEEP(carver, pointer, count)                                                            \
-  ((pointer) = bd_carve_kept((carver), (size_t)(count), sizeof *(pointer)))
 
-/* A copy of so many numbers. */
+/* A piece of a restart record: bytes that stand in a place, or where the pointer in that place
+ * leads; ints that are used as indexes or counts, from the least to the most. */
+typedef struct bd_kept {
+  enum { BD_KEPT_BYTES, BD_KEPT_BEHIND, BD_KEPT_INDEXES } is;
+  void *place;
+  size_t size;
+  int least, most;
+} bd_kept;
+
+void bd_keep(bd_carver *carver, bd_kept kept);
+#define BD_KEEP(carver, pointer, count)                                                            \
+  (BD_CARVE(carver, pointer, count),                                                               \
+   bd_keep((carver), (bd_kept){.place = (pointer), .size = (size_t)(count) * sizeof *(pointer)}))
+/* Members of a struct, from one to another. */
+#define BD_KEEP_SPAN(carver, of, first, last)                                                      \
+  bd_keep((carver), (bd_kept){.place = &(of)->first,                                               \
+                              .size = (size_t)((char *)(&(of)->last + 1) - (char *)&(of)->first)})
+#define BD_KEEP_INDEXES(carver, pointer, count, lowest, highest)                                   \
+  bd_keep((carver), (bd_kept){BD_KEPT_INDEXES, (pointer), (size_t)(count) * sizeof(int), (lowest), \
+                              (highest)})
+
+/* FNV-1a (Fowler, Noll, Vo), 64 bits, onto a sum that begins with BD_NOTHING. */
+static const uint64_t BD_NOTHING = 0xcbf29ce484222325u;
+uint64_t bd_check_sum(uint64_t sum, const void *data, size_t size);
+/* Adds to the check sum of what was given. */
+void bd_given(bd_carver *carver, const void *data, size_t size);
+/* A copy of so many numbers that were given. */
 const double *bd_carve_copy(bd_carver *carver, const double *given, size_t count);
 
 /* A block of the links' places, the halo before its first one. */
@@ -151,6 +176,15 @@ int bd_fail_at(bd_error *err, int code, const char *field, double t, int body, i
     __attribute__((format(printf, 8, 9)))
 #endif
     ;
+
+/* Leaves the function with the code of a call that fails. */
+#define BD_TRY(call)                                                                               \
+  do {                                                                                             \
+    const int code_of_call = (call);                                                               \
+    if (code_of_call != BD_OK) {                                                                   \
+      return code_of_call;                                                                         \
+    }                                                                                              \
+  } while (0)
 
 /* What a run has to say: how it failed, and what was noticed, each code once. */
 typedef struct bd_report {

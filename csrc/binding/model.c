@@ -415,19 +415,23 @@ static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
   return (PyObject *)travel;
 }
 
-static PyObject *model_mounts(PyObject *object, void *Py_UNUSED(closure)) {
-  const bd_core_model *self = (const bd_core_model *)object;
-  PyObject *all = PyTuple_New(self->info.n_mounts);
-  for (int m = 0; all && m < self->info.n_mounts; m++) {
-    const bd_mount_numbers numbers = bd_model_mount(self->model, m);
-    PyObject *dict = PyDict_New();
 #define X(name, text) BD_CORE_SET_NUMBER(dict, numbers, name)
-    BD_MOUNT_NUMBERS(X)
-#undef X
-    all = bd_core_put(all, m, dict);
+#define NUMBERS_OF(part, TABLE)                                                                    \
+  static PyObject *model_##part##s(PyObject *object, void *Py_UNUSED(closure)) {                   \
+    const bd_core_model *self = (const bd_core_model *)object;                                     \
+    PyObject *all = PyTuple_New(self->info.n_##part##s);                                           \
+    for (int k = 0; all && k < self->info.n_##part##s; k++) {                                      \
+      const bd_##part##_numbers numbers = bd_model_##part(self->model, k);                         \
+      PyObject *dict = PyDict_New();                                                               \
+      TABLE(X)                                                                                     \
+      all = bd_core_put(all, k, dict);                                                             \
+    }                                                                                              \
+    return all;                                                                                    \
   }
-  return all;
-}
+NUMBERS_OF(mount, BD_MOUNT_NUMBERS)
+NUMBERS_OF(coupling, BD_COUPLING_NUMBERS)
+#undef NUMBERS_OF
+#undef X
 
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
@@ -439,6 +443,7 @@ static PyGetSetDef model_properties[] = {
      "How many values fields and outputs of each size have; of PLANE vectors.", NULL},
     {"mounts", model_mounts, NULL, "Numbers of each mount as they act, given or chosen, a dict.",
      NULL},
+    {"couplings", model_couplings, NULL, "The same of each coupling.", NULL},
     {"energy_terms", model_energy_terms, NULL,
      "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},

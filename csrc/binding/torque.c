@@ -16,17 +16,9 @@
 
 #define MUST_RETURN "torque_fn must return %zd torque%s, one per pulley"
 #define PLURAL(n) ((n) == 1 ? "" : "s")
-
-static int wrong_count(npy_intp n, Py_ssize_t got) {
-  PyErr_Format(PyExc_ValueError, MUST_RETURN ", got %zd", (Py_ssize_t)n, PLURAL(n), got);
-  return -1;
-}
-
-static int wrong_kind(npy_intp n, PyObject *result) {
-  PyErr_Format(PyExc_TypeError, MUST_RETURN ", got %.100s", (Py_ssize_t)n, PLURAL(n),
-               Py_TYPE(result)->tp_name);
-  return -1;
-}
+/* It gave something else. */
+#define REFUSE(kind, n, format, ...)                                                               \
+  PyErr_Format(kind, MUST_RETURN ", got " format, (Py_ssize_t)(n), PLURAL(n), __VA_ARGS__)
 
 /* One item that is no float; it may run Python code, so the caller's sequence may change. */
 static int read_item(PyObject *item, npy_intp n, npy_intp j, double *out) {
@@ -42,7 +34,8 @@ static int read_item(PyObject *item, npy_intp n, npy_intp j, double *out) {
 static int read_sequence(PyObject *result, npy_intp n, double *torque) {
   for (npy_intp j = 0; j < n; j++) {
     if (PySequence_Fast_GET_SIZE(result) != n) {
-      return wrong_count(n, PySequence_Fast_GET_SIZE(result));
+      REFUSE(PyExc_ValueError, n, "%zd", PySequence_Fast_GET_SIZE(result));
+      return -1;
     }
     PyObject *item = PySequence_Fast_GET_ITEM(result, j);
     if (PyFloat_CheckExact(item)) {
@@ -61,23 +54,19 @@ static int read_array(PyObject *result, npy_intp n, double *torque) {
   }
   int failed = -1;
   const int masked = bd_convert_is_masked((PyObject *)given);
-  if (masked) {
-    if (masked > 0) {
-      PyErr_Format(PyExc_ValueError, MUST_RETURN ", got masked values", (Py_ssize_t)n, PLURAL(n));
-    }
-  } else if (PyArray_NDIM(given) == 0) {
-    wrong_kind(n, result);
-  } else if (!bd_convert_is_real(given)) {
-    PyErr_Format(PyExc_TypeError, MUST_RETURN ", got an array of dtype %S", (Py_ssize_t)n,
-                 PLURAL(n), (PyObject *)PyArray_DESCR(given));
-  } else if (PyArray_NDIM(given) != 1) {
+  if (masked > 0) {
+    REFUSE(PyExc_ValueError, n, "%s", "masked values");
+  } else if (masked == 0 && PyArray_NDIM(given) == 0) {
+    REFUSE(PyExc_TypeError, n, "%.100s", Py_TYPE(result)->tp_name);
+  } else if (masked == 0 && !bd_convert_is_real(given)) {
+    REFUSE(PyExc_TypeError, n, "an array of dtype %S", (PyObject *)PyArray_DESCR(given));
+  } else if (masked == 0 && PyArray_NDIM(given) != 1) {
     char shape[BD_SHAPE_SIZE];
     bd_convert_shape_text(shape, PyArray_NDIM(given), PyArray_DIMS(given));
-    PyErr_Format(PyExc_ValueError, MUST_RETURN ", got an array of shape %s", (Py_ssize_t)n,
-                 PLURAL(n), shape);
-  } else if (PyArray_DIM(given, 0) != n) {
-    wrong_count(n, PyArray_DIM(given, 0));
-  } else {
+    REFUSE(PyExc_ValueError, n, "an array of shape %s", shape);
+  } else if (masked == 0 && PyArray_DIM(given, 0) != n) {
+    REFUSE(PyExc_ValueError, n, "%zd", (Py_ssize_t)PyArray_DIM(given, 0));
+  } else if (masked == 0) {
     PyArrayObject *array =
         (PyArrayObject *)PyArray_FROMANY((PyObject *)given, NPY_DOUBLE, 1, 1, NPY_ARRAY_IN_ARRAY);
     if (array) {
@@ -431,10 +420,10 @@ static int read_motion(reader *in, PyObject *tuple) {
 }
 
 /* A tuple of our own: converting runs Python code, which could change a list under us. */
-static PyObject *own_tuple(PyObject *sequence, const char *rule) {
+static PyObject *own_tuple(PyObject *sequence, const char *name, const char *rule) {
   PyObject *items = PySequence_Tuple(sequence);
   if (!items && PyErr_ExceptionMatches(PyExc_TypeError)) {
-    PyErr_Format(PyExc_TypeError, "%s, got %.100s", rule, Py_TYPE(sequence)->tp_name);
+    bd_convert_refuse(sequence, name, rule);
   }
   return items;
 }
@@ -444,10 +433,9 @@ int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoi
   bd_info info;
   bd_model_info(model, &info);
   *out = (bd_core_torque){.torque.stop = stop};
-  int failed = -1;
-  PyObject *items = own_tuple(terms, "torque must be a sequence of terms");
+  PyObject *items = own_tuple(terms, "torque", "a sequence of terms");
   PyObject *moves = !items    ? NULL
-                    : motions ? own_tuple(motions, "motion must be a sequence of tuples")
+                    : motions ? own_tuple(motions, "motion", "a sequence of tuples")
                               : PyTuple_New(0);
   if (!moves) {
     Py_XDECREF(items);
@@ -458,35 +446,28 @@ int bd_core_torque_read(bd_core_torque *out, PyObject *terms, PyObject *breakpoi
   out->terms = PyMem_Calloc((size_t)n, sizeof *out->terms);
   out->motions = PyMem_Calloc((size_t)n_motions, sizeof *out->motions);
   out->calls = PyMem_Calloc((size_t)(n + n_motions), sizeof *out->calls);
-  if (!out->arrays) {
-    goto out;
-  }
   if (!out->terms || !out->motions || !out->calls) {
     PyErr_NoMemory();
-    goto out;
   }
-  for (Py_ssize_t i = 0; i < n; i++) {
+  int failed = PyErr_Occurred() ? -1 : 0;
+  for (Py_ssize_t i = 0; !failed && i < n; i++) {
     reader in = {out, i, model, info.n_pulleys, 0, &out->terms[i], NULL};
-    if (read_term(&in, PyTuple_GET_ITEM(items, i)) < 0) {
-      goto out;
-    }
+    failed = read_term(&in, PyTuple_GET_ITEM(items, i));
+  }
+  for (Py_ssize_t i = 0; !failed && i < n_motions; i++) {
+    reader in = {out, i, model, info.n_pulleys, 0, NULL, &out->motions[i]};
+    failed = read_motion(&in, PyTuple_GET_ITEM(moves, i));
+  }
+  if (!failed && breakpoints) {
+    const item times = {ARRAY, "", offsetof(bd_torque, breakpoints),
+                        offsetof(bd_torque, n_breakpoints)};
+    failed =
+        read_array_into(&(reader){.out = out}, &out->torque, breakpoints, "breakpoints", &times);
   }
   out->torque.terms = out->terms;
   out->torque.n_terms = (size_t)n;
-  for (Py_ssize_t i = 0; i < n_motions; i++) {
-    reader in = {out, i, model, info.n_pulleys, 0, NULL, &out->motions[i]};
-    if (read_motion(&in, PyTuple_GET_ITEM(moves, i)) < 0) {
-      goto out;
-    }
-  }
   out->torque.motions = out->motions;
   out->torque.n_motions = (size_t)n_motions;
-  const item times = {ARRAY, "", offsetof(bd_torque, breakpoints),
-                      offsetof(bd_torque, n_breakpoints)};
-  failed = breakpoints ? read_array_into(&(reader){.out = out}, &out->torque, breakpoints,
-                                         "breakpoints", &times)
-                       : 0;
-out:
   Py_DECREF(items);
   Py_DECREF(moves);
   return failed;

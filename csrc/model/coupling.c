@@ -8,13 +8,19 @@
 
 #include "model/model.h"
 
+static const bd_coupling_kind kinds[] = {
+    [BD_COUPLING_ISOLATOR] = {.name = "isolator",
+                              .label = "couplings of shafts and rims: isolators",
+                              .carries = 1},
+    [BD_COUPLING_CLUTCH] = {.name = "clutch",
+                            .label = "couplings of shafts and rims: overrunning clutches",
+                            .carries = 1,
+                            .one_way = 1},
+    [BD_COUPLING_DAMPER] = {.name = "damper", .label = "rings of torsional dampers"},
+};
+
 const char *bd_coupling_name(int kind) {
-  static const char *const names[] = {
-#define KIND(KIND, name) #name,
-      BD_COUPLINGS(KIND)
-#undef KIND
-  };
-  return kind >= 0 && kind < BD_N_COUPLINGS ? names[kind] : NULL;
+  return kind >= 0 && kind < BD_N_COUPLINGS ? kinds[kind].name : NULL;
 }
 
 int bd_coupling_check(const bd_scene *scene, int j, bd_error *err) {
@@ -31,7 +37,12 @@ int bd_coupling_check(const bd_scene *scene, int j, bd_error *err) {
 void bd_model_carve_couplings(bd_carver *carver, bd_model *model, const bd_scene *scene) {
   int n = 0;
   for (int j = 0; j < scene->n_pulleys; ++j) {
-    n += scene->pulleys[j].coupling != NULL;
+    const bd_coupling *given = scene->pulleys[j].coupling;
+    if (given) {
+      const char *group = kinds[given->kind].name;
+      carver->given = bd_parameters_sum(carver->given, group, &given->isolator);
+      ++n;
+    }
   }
   model->lay.nc = n;
   if (n > 0) {
@@ -52,28 +63,28 @@ void bd_model_fill_couplings(bd_model *model, const bd_scene *scene) {
       continue;
     }
     bd_coupled *to = &model->couplings[c];
+    const bd_isolator *numbers = &given->isolator; /* with which those of all kinds begin */
+    to->row = &kinds[given->kind];
     to->pulley = model->coupled[c] = j;
-    to->kind = given->kind;
-    to->sense = 1.0;
-    to->inertia = model->rim_inertia[j];
-    if (given->kind == BD_COUPLING_DAMPER) {
-      to->inertia = given->damper.inertia;
-      to->stiffness = given->damper.stiffness;
-      to->damping = given->damper.damping;
-    } else if (given->kind == BD_COUPLING_ISOLATOR) {
-      model->inertia[j] = given->isolator.inertia;
-      to->stiffness = given->isolator.stiffness;
-      to->damping = given->isolator.damping;
-    } else {
-      const bd_clutch *clutch = &given->clutch;
-      const double k = clutch->stiffness, d = clutch->damping;
-      model->inertia[j] = clutch->inertia;
-      to->sense = clutch->clockwise ? -1.0 : 1.0;
-      to->stiffness = k > 0.0 ? k : clutch->inertia * ROLLERS * ROLLERS;
-      to->damping = d > 0.0 ? d : 2.0 * CLUTCH_DAMPING * sqrt(to->stiffness * clutch->inertia);
+    to->sense = to->row->one_way && given->clutch.clockwise ? -1.0 : 1.0;
+    to->inertia = to->row->carries ? model->rim_inertia[j] : numbers->inertia;
+    to->stiffness = numbers->stiffness;
+    to->damping = numbers->damping;
+    if (to->row->carries) {
+      model->inertia[j] = numbers->inertia;
+    }
+    if (to->row->one_way && !(to->stiffness > 0.0)) {
+      to->stiffness = numbers->inertia * ROLLERS * ROLLERS;
+    }
+    if (to->row->one_way && !(to->damping > 0.0)) {
+      to->damping = 2.0 * CLUTCH_DAMPING * sqrt(to->stiffness * numbers->inertia);
     }
     ++c;
   }
+}
+
+bd_coupling_numbers bd_model_coupling(const bd_model *model, int c) {
+  return (bd_coupling_numbers){model->couplings[c].stiffness, model->couplings[c].damping};
 }
 
 void bd_model_place_rims(bd_model *model) {
@@ -84,7 +95,7 @@ void bd_model_place_rims(bd_model *model) {
     model->rim[j] = lay->omega + j;
   }
   for (int c = 0; c < lay->nc; ++c) {
-    if (model->couplings[c].kind != BD_COUPLING_DAMPER) {
+    if (model->couplings[c].row->carries) {
       model->rim[model->couplings[c].pulley] = lay->rim_speed + c;
     }
   }
@@ -96,7 +107,7 @@ bd_coupling_state bd_coupling_at(const bd_model *model, const double *y, int c) 
   const double ahead = k->sense * (y[lay->rim_speed + c] - y[lay->omega + k->pulley]);
   const double spring = k->stiffness * y[lay->windup + c];
   const double torque = spring + k->damping * ahead;
-  if (k->kind == BD_COUPLING_CLUTCH && !(torque > 0.0)) {
+  if (k->row->one_way && !(torque > 0.0)) {
     return (bd_coupling_state){.ahead = ahead, .winds = -spring / k->damping};
   }
   return (bd_coupling_state){.ahead = ahead, .winds = ahead, .torque = torque, .engaged = 1};

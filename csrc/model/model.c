@@ -463,9 +463,10 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     return bd_fail(err, BD_ERR_MEMORY, "model", "out of memory for a model of %zu bytes",
                    carver.used);
   }
-  carver = (bd_carver){.base = block};
+  carver = (bd_carver){.base = block, .given = bd_scene_sum(scene)};
   model = bd_carve(&carver, 1, sizeof *model);
   carve(&carver, model, scene, drag);
+  model->given = carver.given;
 
   model->belt = scene->belt;
   model->contact = scene->contact;

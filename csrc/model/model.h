@@ -42,9 +42,10 @@ typedef struct bd_mounted {
   const struct bd_mount_kind *row;
   double turning; /* angle by which it turns the bearings of its pulley, over the travel */
   size_t n_t;
-  double *t, *points, *slopes, *scratch; /* (n_t), (n_t, 2), (n_t, 2), (n_t) */
-  double fastest;                        /* of the axis on it, a bound */
-  double rest;                           /* travel in equilibrium with the belt */
+  const double *t, *points; /* (n_t), (n_t, 2) */
+  double *slopes, *scratch; /* (n_t, 2), (n_t) */
+  double fastest;           /* of the axis on it, a bound */
+  double rest;              /* travel in equilibrium with the belt */
   double lever, held; /* there: |da/dq|, and the stiffness with which belt and spring hold it */
 } bd_mounted;
 
@@ -69,17 +70,27 @@ typedef struct bd_mount_kind {
   bd_place (*place)(const bd_mounted *mount, double q);
 } bd_mount_kind;
 
+/* A row of the table in coupling.c. */
+typedef struct bd_coupling_kind {
+  const char *name;  /* and the group of its parameters */
+  const char *label; /* in result.effects, where there are no others */
+  int carries;       /* the belt runs on its rim; 0: on the shaft, and the rim is a free ring */
+  int one_way;       /* it never holds the shaft back, and a number that is 0 is chosen */
+} bd_coupling_kind;
+
 /* A coupling with all its numbers. Its rim is the part on which no torque acts: of a damper the
  * ring. */
 typedef struct bd_coupled {
-  int pulley, kind; /* BD_COUPLING_... */
-  double sense;     /* in which a clutch drives the shaft, else 1 */
-  double inertia;   /* of the rim */
+  const bd_coupling_kind *row;
+  int pulley;
+  double sense;   /* in which one that is one-way drives the shaft, else 1 */
+  double inertia; /* of the rim */
   double stiffness, damping;
 } bd_coupled;
 
 struct bd_model {
   bd_info info;
+  uint64_t given; /* check sum of the scene */
   bd_belt belt;
   bd_contact contact;
   int has_friction, has_bending, has_gravity;
@@ -217,6 +228,9 @@ int bd_belt_check(const bd_belt *belt, bd_error *err);
 
 /* Of a parameter, into at most BD_MAX_ELEMENTS; returns how many, 1 but of a list. */
 int bd_parameter_values(const bd_parameter *row, const void *group, double *values);
+/* Onto a check sum: of a group; of all that a scene gives but mounts and couplings. */
+uint64_t bd_parameters_sum(uint64_t sum, const char *group, const void *record);
+uint64_t bd_scene_sum(const bd_scene *scene);
 int bd_parameters_list_length(const char *group, const void *record); /* 0: it has no lists */
 /* All of a group against their rules; `label` is what messages call it. */
 int bd_parameters_check(const char *group, const char *label, const void *record, bd_error *err);

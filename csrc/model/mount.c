@@ -77,8 +77,6 @@ static void fill_path(bd_mounted *mount, const bd_model *model, const bd_mount *
   const size_t n = given->n_t;
   const double *t = mount->t, *p = mount->points;
   mount->n_t = n;
-  memcpy(mount->t, given->t, n * sizeof *t);
-  memcpy(mount->points, given->displacement, 2 * n * sizeof *p);
   for (size_t axis = 0; axis < 2; ++axis) {
     double *m = mount->slopes + axis, *upper = mount->scratch;
     m[0] = m[2 * (n - 1)] = upper[0] = 0.0;
@@ -281,14 +279,17 @@ void bd_model_carve_mounts(bd_carver *carver, bd_model *model, const bd_scene *s
   BD_CARVE(carver, model->mount_of, scene->n_pulleys);
   for (int j = 0, m = 0; j < scene->n_pulleys; ++j) {
     const bd_mount *mount = scene->pulleys[j].mount;
-    if (mount && !kinds[mount->kind].guide) {
-      bd_mounted *made = carver->base ? &model->mounts[m] : &(bd_mounted){0};
-      BD_CARVE(carver, made->t, mount->n_t);
-      BD_CARVE(carver, made->points, 2 * mount->n_t);
-      BD_CARVE(carver, made->slopes, 2 * mount->n_t);
-      BD_CARVE(carver, made->scratch, mount->n_t);
+    if (!mount) {
+      continue;
     }
-    m += mount != NULL;
+    bd_mounted *made = carver->base ? &model->mounts[m++] : &(bd_mounted){0};
+    bd_given(carver, &mount->kind, sizeof mount->kind);
+    bd_given(carver, mount->guide, sizeof mount->guide);
+    bd_given(carver, &mount->numbers, sizeof mount->numbers);
+    made->t = bd_carve_copy(carver, mount->t, mount->n_t);
+    made->points = bd_carve_copy(carver, mount->displacement, 2 * mount->n_t);
+    BD_CARVE(carver, made->slopes, 2 * mount->n_t);
+    BD_CARVE(carver, made->scratch, mount->n_t);
   }
 }
 
@@ -336,7 +337,8 @@ bd_mount_numbers bd_model_mount(const bd_model *model, int m) {
   const bd_mounted *mount = &model->mounts[m];
   return (bd_mount_numbers){.inertia = mount->inertia,
                             .friction_stiffness = mount->friction * mount->adapts,
-                            .stop_stiffness = mount->stop_stiffness};
+                            .stop_stiffness = mount->stop_stiffness,
+                            .stop_damping = mount->stop_damping};
 }
 
 /* --- what acts on it -------------------------------------------------------------------------- */

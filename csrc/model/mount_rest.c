@@ -48,10 +48,12 @@ static double force_at(const search *s, int m, double q, bd_error *err) {
 
 static int fail(const search *s, int m, const char *why) {
   const int j = s->model->mounts[m].pulley;
+  const char *name = s->model->name[j].text;
   char field[40];
   snprintf(field, sizeof field, "pulleys[%d].mount", j);
   return bd_fail_at(&s->model->geometry, BD_ERR_GEOMETRY, field, (double)NAN, -1, j, s->q[m],
-                    "%s %s", field, why);
+                    "%s%s%s %s", name[0] ? "the mount of pulley \"" : field, name,
+                    name[0] ? "\"" : "", why);
 }
 
 /* Between two travels whose forces have different signs: regula falsi with the step of Illinois

@@ -78,6 +78,36 @@ int bd_parameters_list_length(const char *group, const void *record) {
   return 0;
 }
 
+uint64_t bd_parameters_sum(uint64_t sum, const char *group, const void *record) {
+  double values[BD_MAX_ELEMENTS];
+  for (size_t k = 0; k < bd_n_parameters; ++k) {
+    if (strcmp(bd_parameters[k].group, group) == 0) {
+      const int n = bd_parameter_values(&bd_parameters[k], record, values);
+      sum = bd_check_sum(sum, values, (size_t)n * sizeof *values);
+    }
+  }
+  return bd_check_sum(sum, group, strlen(group));
+}
+
+uint64_t bd_scene_sum(const bd_scene *scene) {
+  uint64_t sum = bd_parameters_sum(BD_NOTHING, "belt", &scene->belt);
+  sum = bd_parameters_sum(sum, "contact", &scene->contact);
+  sum = bd_check_sum(sum, &scene->belt.mesh, sizeof scene->belt.mesh);
+  sum = bd_check_sum(sum, scene->gravity, sizeof scene->gravity);
+  for (int j = 0; j < scene->n_pulleys; ++j) {
+    const bd_pulley *pulley = &scene->pulleys[j];
+    const bd_friction *friction = pulley->friction ? pulley->friction : scene->friction;
+    sum = bd_parameters_sum(sum, "pulley", pulley);
+    sum = bd_parameters_sum(sum, "drag", &pulley->drag);
+    sum = bd_check_sum(sum, pulley->center, sizeof pulley->center);
+    sum = bd_check_sum(sum, &pulley->outside, sizeof pulley->outside);
+    sum = friction && friction->law != BD_LAW_NONE
+              ? bd_parameters_sum(sum, bd_law_name(friction->law), &friction->dahl)
+              : sum;
+  }
+  return sum;
+}
+
 static int check(const bd_parameter *row, const char *label, double value, bd_error *err) {
   const double least = rules[row->rule].least;
   if (isfinite(value) && (rules[row->rule].above ? value > least : value >= least) &&

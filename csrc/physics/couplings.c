@@ -15,16 +15,13 @@ static int enabled(const bd_model *model, const bd_plan_options *options) {
 }
 
 static const char *label(const bd_plan *plan) {
-  int has[3] = {0};
-  for (int c = 0; c < plan->model->lay.nc; ++c) {
-    has[plan->model->couplings[c].kind] = 1;
+  const bd_coupled *couplings = plan->model->couplings;
+  for (int c = 1; c < plan->model->lay.nc; ++c) {
+    if (couplings[c].row != couplings[0].row) {
+      return "couplings of shafts and rims: of several kinds";
+    }
   }
-  const int clutch = has[BD_COUPLING_CLUTCH], isolator = has[BD_COUPLING_ISOLATOR],
-            damper = has[BD_COUPLING_DAMPER];
-  return clutch + isolator + damper > 1 ? "couplings of shafts and rims: of several kinds"
-         : clutch                       ? "couplings of shafts and rims: overrunning clutches"
-         : isolator                     ? "couplings of shafts and rims: isolators"
-                                        : "rings of torsional dampers";
+  return couplings[0].row->label;
 }
 
 /* While a belt settles no torque acts on a hub, so that none is transmitted in the end, and until
@@ -80,7 +77,7 @@ static int after_step(bd_plan *plan, double t, double *y, double tolerance, int 
   const bd_model *model = plan->model;
   for (int c = 0; c < model->lay.nc; ++c) {
     double *z = &y[model->lay.windup + c];
-    if (model->couplings[c].kind == BD_COUPLING_CLUTCH && *z < 0.0) {
+    if (model->couplings[c].row->one_way && *z < 0.0) {
       *changed |= -*z > tolerance * bd_state_scale(model, F_WINDUP, c);
       *z = 0.0;
     }
@@ -102,10 +99,9 @@ static void outputs(bd_plan *plan, const double *y, const bd_output *out, size_t
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   for (int c = 0; c < lay->nc; ++c) {
-    const int clutch = model->couplings[c].kind == BD_COUPLING_CLUTCH;
     const double z = y[lay->windup + c]; /* between steps it is interpolated */
     const size_t at = k * (size_t)lay->nc + (size_t)c;
-    bd_put(out->windup, at, clutch ? fmax(0.0, z) : z);
+    bd_put(out->windup, at, model->couplings[c].row->one_way ? fmax(0.0, z) : z);
     bd_put(out->transmitted, at, model->couplings[c].sense * bd_coupling_at(model, y, c).torque);
   }
 }
@@ -116,7 +112,7 @@ static double off_line(const bd_plan *plan, const double *y, const double *y_new
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_coupled *k = &model->couplings[c];
-  if (k->kind != BD_COUPLING_CLUTCH) {
+  if (!k->row->one_way) {
     return 0.0;
   }
   const bd_coupling_state before = bd_coupling_at(model, y, c),
@@ -145,8 +141,7 @@ static void stiffness(bd_stiffening *at) {
     const double light = 1.0 / k->inertia + 1.0 / at->inertia;
     if (k->pulley == at->pulley) {
       bd_stiffen(at, BD_STIFF_OWN, "a very stiff coupling", k->stiffness * light,
-                 k->damping * light,
-                 k->kind == BD_COUPLING_CLUTCH ? k->stiffness / k->damping : 0.0);
+                 k->damping * light, k->row->one_way ? k->stiffness / k->damping : 0.0);
     }
   }
 }
@@ -175,19 +170,21 @@ static double between(const bd_derivatives *at, int c, double g) {
   return g * (g * at->couplings[c].stiffness + at->couplings[c].damping);
 }
 
-static double entry(const bd_derivatives *at, const bd_model *model, int row, int column,
-                    double g) {
-  double sum = 0.0;
-  for (int c = 0; c < model->lay.nc; ++c) {
-    const int shaft = model->couplings[c].pulley, rim = bd_rim_body(&model->lay, c);
+static double entry(const bd_plan *plan, const bd_derivatives *at, int row, int column, double g,
+                    double sum) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int c = 0; c < lay->nc; ++c) {
+    const int shaft = lay->coupled[c], rim = bd_rim_body(lay, c);
     const int of_row = row == shaft || row == rim, of_column = column == shaft || column == rim;
     sum += of_row && of_column ? (row == column ? 1.0 : -1.0) * between(at, c, g) : 0.0;
   }
   return sum;
 }
 
-static void product(const bd_derivatives *at, const bd_model *model, double g, const double *y,
-                    double *rhs) {
+static void product(const bd_plan *plan, const bd_derivatives *at, double g, const double *y,
+                    double *rhs, double *off) {
+  (void)off;
+  const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   for (int c = 0; c < lay->nc; ++c) {
     const bd_coupled *k = &model->couplings[c];
@@ -197,9 +194,9 @@ static void product(const bd_derivatives *at, const bd_model *model, double g, c
   }
 }
 
-static void finish(const bd_derivatives *at, const bd_model *model, double g, const double *rhs,
+static void finish(const bd_plan *plan, const bd_derivatives *at, double g, const double *rhs,
                    double *y) {
-  const bd_layout *lay = &model->lay;
+  const bd_layout *lay = &plan->model->lay;
   for (int c = 0; c < lay->nc; ++c) {
     const bd_coupling_tangent *k = &at->couplings[c];
     const double rim = rhs[bd_rim_body(lay, c)], shaft = rhs[lay->coupled[c]];

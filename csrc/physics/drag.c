@@ -133,13 +133,26 @@ static int rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
 static void tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_model *model = plan->model;
   for (int j = 0; j < model->lay.np; ++j) {
-    out->pulley_damping[j] =
+    out->bearings[j] =
         bd_resistance(&model->drag[j], drag_speed(model, y, j), bd_turning_speed(model, j)).slope;
   }
 }
 
 static void carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
-  BD_CARVE(carver, out->pulley_damping, model->lay.np);
+  BD_CARVE(carver, out->bearings, model->lay.np);
+}
+
+/* How a body turns a shaft against its bearings: the shaft itself, a mount that turns these. */
+static double turns(const bd_model *model, int body) {
+  const int m = body - model->lay.np;
+  return m < 0 ? 1.0 : m < model->lay.nm ? -model->mounts[m].turning : 0.0;
+}
+
+static double entry(const bd_plan *plan, const bd_derivatives *at, int row, int column, double g,
+                    double sum) {
+  const int j = bd_freedom_of(plan, row).pulley;
+  const double both = turns(plan->model, row) * turns(plan->model, column);
+  return bd_freedom_of(plan, column).pulley == j ? sum + g * at->bearings[j] * both : sum;
 }
 
 static void stiffness(bd_stiffening *at) {
@@ -156,6 +169,7 @@ const bd_effect bd_effect_drag = {
     .rate = rate,
     .tangent = tangent,
     .carve_tangent = carve_tangent,
+    .entry = entry,
     .stiffness = stiffness,
     .on_shaft = on_shaft,
     .n_works = 1,

@@ -15,6 +15,17 @@ bd_harmonics bd_harmonics_carve(bd_carver *carver, const bd_harmonics *given) {
   return copy;
 }
 
+int bd_check_finite(const char *field, const char *whose, size_t k, const char *name,
+                    const double *values, size_t n, bd_error *err) {
+  for (size_t i = 0; i < n; ++i) {
+    if (!isfinite(values[i])) {
+      return bd_fail(err, BD_ERR_TORQUE_DATA, field, "%s %zu: %s must be finite, %s[%zu] is %g",
+                     whose, k, name, name, i, values[i]);
+    }
+  }
+  return BD_OK;
+}
+
 int bd_harmonics_check(const bd_harmonics *harmonics, const char *field, const char *whose,
                        size_t k, bd_error *err) {
   for (size_t i = 0; i < harmonics->n; ++i) {
@@ -23,15 +34,10 @@ int bd_harmonics_check(const bd_harmonics *harmonics, const char *field, const c
                      "%s %zu: orders must be finite and > 0, orders[%zu] is %g", whose, k, i,
                      harmonics->orders[i]);
     }
-    if (!isfinite(harmonics->amplitudes[i]) || !isfinite(harmonics->phases[i])) {
-      const int of_phase = isfinite(harmonics->amplitudes[i]);
-      return bd_fail(err, BD_ERR_TORQUE_DATA, field, "%s %zu: %s must be finite, %s[%zu] is %g",
-                     whose, k, of_phase ? "phases" : "amplitudes",
-                     of_phase ? "phases" : "amplitudes", i,
-                     of_phase ? harmonics->phases[i] : harmonics->amplitudes[i]);
-    }
   }
-  return BD_OK;
+  const size_t n = harmonics->n;
+  BD_TRY(bd_check_finite(field, whose, k, "amplitudes", harmonics->amplitudes, n, err));
+  return bd_check_finite(field, whose, k, "phases", harmonics->phases, n, err);
 }
 
 void bd_harmonics_at(const bd_harmonics *harmonics, double angle, double sum[4]) {

@@ -29,10 +29,10 @@ static int check_against(const bd_drag *against, size_t k, bd_error *err) {
   const char *const names[] = {"coulomb", "viscous", "quadratic"};
   for (int i = 0; i < 3; ++i) {
     if (!isfinite(values[i]) || values[i] < 0.0) {
-      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                     "torque term %zu: %s must be finite and >= 0, for it acts against the "
-                     "rotation; got %g",
-                     k, names[i], values[i]);
+      return BD_REFUSE_TERM(err, k,
+                            "%s must be finite and >= 0, for it acts against the "
+                            "rotation; got %g",
+                            names[i], values[i]);
     }
   }
   return BD_OK;
@@ -40,22 +40,19 @@ static int check_against(const bd_drag *against, size_t k, bd_error *err) {
 
 static int check_table(const bd_torque_term *term, size_t k, bd_error *err) {
   if (term->n_points < 1) {
-    return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                   "torque term %zu: the table must have at least one point", k);
+    return BD_REFUSE_TERM(err, k, "%s", "the table must have at least one point");
   }
   const double least = term->kind == BD_TORQUE_TABLE ? 0.0 : -DBL_MAX;
   for (size_t i = 0; i < term->n_points; ++i) {
     if (!isfinite(term->omega[i]) || term->omega[i] < least ||
         (i > 0 && term->omega[i] <= term->omega[i - 1])) {
-      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                     "torque term %zu: omega must be finite, %sincreasing; omega[%zu] is %g", k,
-                     least < 0.0 ? "" : ">= 0 and ", i, term->omega[i]);
+      return BD_REFUSE_TERM(err, k, "omega must be finite, %sincreasing; omega[%zu] is %g",
+                            least < 0.0 ? "" : ">= 0 and ", i, term->omega[i]);
     }
     if (!isfinite(term->torque[i]) || term->torque[i] < least) {
-      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                     "torque term %zu: torque must be finite%s; torque[%zu] is %g", k,
-                     least < 0.0 ? "" : " and >= 0, for it acts against the rotation", i,
-                     term->torque[i]);
+      return BD_REFUSE_TERM(err, k, "torque must be finite%s; torque[%zu] is %g",
+                            least < 0.0 ? "" : " and >= 0, for it acts against the rotation", i,
+                            term->torque[i]);
     }
   }
   return BD_OK;
@@ -64,23 +61,20 @@ static int check_table(const bd_torque_term *term, size_t k, bd_error *err) {
 int bd_load_check(const bd_torque_term *term, size_t k, int np, bd_error *err) {
   const int wrong = term->pulley < 0 || term->pulley >= np;
   if (wrong || term->of < 0 || term->of >= np) {
-    return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                   "torque term %zu: %s must be one of 0 to %d, got %d", k, wrong ? "pulley" : "of",
-                   np - 1, wrong ? term->pulley : term->of);
+    return BD_REFUSE_TERM(err, k, "%s must be one of 0 to %d, got %d", wrong ? "pulley" : "of",
+                          np - 1, wrong ? term->pulley : term->of);
   }
   for (size_t i = 0; i < term->n_t; ++i) {
     if (!isfinite(term->values[i])) {
-      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                     "torque term %zu: the factor must be finite, values[%zu] is %g", k, i,
-                     term->values[i]);
+      return BD_REFUSE_TERM(err, k, "the factor must be finite, values[%zu] is %g", i,
+                            term->values[i]);
     }
   }
   return term->kind == BD_TORQUE_LOAD ? check_against(&term->against, k, err)
          : bd_has_points(term)        ? check_table(term, k, err)
          : term->harmonics.n > 0
              ? bd_harmonics_check(&term->harmonics, "torque", "torque term", k, err)
-             : bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                       "torque term %zu: there must be at least one harmonic", k);
+             : BD_REFUSE_TERM(err, k, "%s", "there must be at least one harmonic");
 }
 
 /* --- values ---------------------------------------------------------------------------------- */

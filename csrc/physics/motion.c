@@ -29,6 +29,7 @@ void bd_motion_set_carve(bd_carver *carver, bd_motion_set *set, int np, const bd
   for (size_t k = 0; k < sizeof arrays / sizeof arrays[0]; ++k) {
     BD_CARVE(carver, *arrays[k], set->n);
   }
+  BD_KEEP_SPAN(carver, set, begin, begin);
   BD_KEEP(carver, set->offset, set->n);
   BD_CARVE(carver, set->of_pulley, np);
   BD_CARVE(carver, set->motions, set->n);
@@ -41,6 +42,9 @@ void bd_motion_set_carve(bd_carver *carver, bd_motion_set *set, int np, const bd
     copy.t = bd_carve_copy(carver, given->t, n_t);
     copy.values = BD_CARVE(carver, data, 2 * n_t);
     copy.harmonics = bd_harmonics_carve(carver, &given->harmonics);
+    bd_given(carver, given->values, n_t * sizeof *data);
+    bd_given(carver, given->fade, sizeof given->fade);
+    bd_given(carver, (int[]){given->kind, given->pulley}, 2 * sizeof(int));
     for (size_t i = 0; carver->base && i < n_t; ++i) {
       data[i] = given->values[i];
       if (i > 0) {
@@ -65,12 +69,8 @@ static int check_data(const bd_motion *motion, size_t k, bd_error *err) {
                      "is %g",
                      k, i, motion->t[i]);
     }
-    if (!isfinite(motion->values[i])) {
-      return bd_fail(err, BD_ERR_TORQUE_DATA, "motion",
-                     "motion %zu: values must be finite, values[%zu] is %g", k, i,
-                     motion->values[i]);
-    }
   }
+  BD_TRY(bd_check_finite("motion", "motion", k, "values", motion->values, motion->n_t, err));
   const double *fade = motion->fade;
   if (!isfinite(fade[0]) || !isfinite(fade[1]) || fade[1] < fade[0]) {
     return bd_fail(err, BD_ERR_TORQUE_DATA, "motion",
@@ -93,12 +93,11 @@ int bd_motion_set_check(bd_motion_set *set, int np, bd_error *err) {
                      "motion %zu: pulley must be one of 0 to %d that has no motion yet, got %d", k,
                      np - 1, motion->pulley);
     }
-    if (kind == BD_MOTION_PIECEWISE ? check_data(motion, k, err) != BD_OK : !motion->call) {
-      return kind == BD_MOTION_PIECEWISE
-                 ? BD_ERR_TORQUE_DATA
-                 : bd_fail(err, BD_ERR_TORQUE_DATA, "motion", "motion %zu: the call is NULL", k);
-    }
-    if (kind != BD_MOTION_PIECEWISE && motion->harmonics.n > 0) {
+    if (kind == BD_MOTION_PIECEWISE) {
+      BD_TRY(check_data(motion, k, err));
+    } else if (!motion->call) {
+      return bd_fail(err, BD_ERR_TORQUE_DATA, "motion", "motion %zu: the call is NULL", k);
+    } else if (motion->harmonics.n > 0) {
       return bd_fail(err, BD_ERR_TORQUE_DATA, "motion",
                      "motion %zu: harmonics are for a mean speed that is given by data", k);
     }
@@ -223,10 +222,10 @@ static int differentiate(const bd_torque_set *set, const bd_motion *motion, doub
   double weights[NODES][N_DERIVATIVES], scale = 1.0;
   weigh((t - first) / step, weights);
   memset(derivatives, 0, N_DERIVATIVES * sizeof *derivatives);
-  int code = call(set, motion, t, &derivatives[0], err);
-  for (int i = 0; code == BD_OK && i < NODES; ++i) {
+  BD_TRY(call(set, motion, t, &derivatives[0], err));
+  for (int i = 0; i < NODES; ++i) {
     double value;
-    code = call(set, motion, fmin(most, first + i * step), &value, err);
+    BD_TRY(call(set, motion, fmin(most, first + i * step), &value, err));
     for (int d = 1; d < N_DERIVATIVES; ++d) {
       derivatives[d] += weights[i][d] * (value - derivatives[0]);
     }
@@ -235,7 +234,7 @@ static int differentiate(const bd_torque_set *set, const bd_motion *motion, doub
     scale /= step;
     derivatives[d] *= scale;
   }
-  return code;
+  return BD_OK;
 }
 
 int bd_motion_set_eval(bd_torque_set *set, double t, double t_piece, bd_error *err) {
@@ -250,10 +249,7 @@ int bd_motion_set_eval(bd_torque_set *set, double t, double t_piece, bd_error *e
       piecewise(motion, k, t, t_piece);
       continue;
     }
-    int code = differentiate(set, &motion->motions[k], t, f, err);
-    if (code != BD_OK) {
-      return code;
-    }
+    BD_TRY(differentiate(set, &motion->motions[k], t, f, err));
     const int by = bd_knows_angle(motion, k); /* one derivative more */
     motion->theta[k] = f[0];
     motion->omega[k] = f[by];
@@ -270,15 +266,15 @@ int bd_motion_set_eval(bd_torque_set *set, double t, double t_piece, bd_error *e
 int bd_motion_put(bd_plan *plan, double t, double *y, bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
   const bd_motion_set *set = &plan->torques.motion;
-  int code = set->n > 0 ? bd_motion_set_eval(&plan->torques, t, plan->t_piece, err) : BD_OK;
-  for (size_t k = 0; code == BD_OK && k < set->n; ++k) {
+  BD_TRY(set->n > 0 ? bd_motion_set_eval(&plan->torques, t, plan->t_piece, err) : BD_OK);
+  for (size_t k = 0; k < set->n; ++k) {
     const int j = set->motions[k].pulley;
     y[lay->omega + j] = set->omega[k];
     if (bd_knows_angle(set, k)) {
       y[lay->theta + j] = set->offset[k] + set->theta[k];
     }
   }
-  return code;
+  return BD_OK;
 }
 
 int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_error *err) {
@@ -288,8 +284,8 @@ int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_e
   bd_motion_set *set = &plan->torques.motion;
   set->begin = t;
   set->end = t_end;
-  int code = set->n > 0 ? bd_motion_set_eval(&plan->torques, t, plan->t_piece, err) : BD_OK;
-  for (size_t k = 0; code == BD_OK && k < set->n; ++k) {
+  BD_TRY(set->n > 0 ? bd_motion_set_eval(&plan->torques, t, plan->t_piece, err) : BD_OK);
+  for (size_t k = 0; k < set->n; ++k) {
     const int j = set->motions[k].pulley;
     const double given = set->omega[k], there = y[lay->omega + j];
     const double scale = bd_speed_scale(plan->model) / plan->model->radius[j];
@@ -303,7 +299,7 @@ int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_e
                         bd_pulley_label(plan->model, j).text, given, t, there);
     }
   }
-  return code;
+  return BD_OK;
 }
 
 void bd_outputs_of_motion(bd_plan *plan, const double *y, const bd_output *out, size_t k) {

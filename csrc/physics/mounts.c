@@ -31,6 +31,7 @@ static void axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) 
 }
 
 static void axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+  BD_CARVE(carver, out->axes, model->lay.np);
   BD_CARVE(carver, out->mounts, model->lay.nm);
 }
 
@@ -146,8 +147,13 @@ static int paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *
 static void axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_layout *lay = &plan->model->lay;
   bd_mounts_put(plan, y);
+  for (int j = 0; j < lay->np; ++j) {
+    out->axes[j].body = -1;
+  }
   for (int m = 0; m < lay->nm; ++m) {
-    out->mounts[m] = (bd_mount_tangent){
+    out->mounts[m] = (bd_mount_tangent){0};
+    out->axes[lay->mounted[m]] = (bd_moving_axis){
+        .body = lay->np + m,
         .speed = y[lay->travel_speed + m],
         .at = bd_mount_place(&plan->model->mounts[m], y[lay->travel + m]),
     };
@@ -166,7 +172,8 @@ static void mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives 
     }
     const double fx = plan->hub[2 * m] + mount->mass * model->gravity[0];
     const double fy = plan->hub[2 * m + 1] + mount->mass * model->gravity[1];
-    to->stiffness = mount->stiffness - fx * to->at.bend[0] - fy * to->at.bend[1];
+    const double *bend = out->axes[mount->pulley].at.bend;
+    to->stiffness = mount->stiffness - fx * bend[0] - fy * bend[1];
     const int settles = plan->mass_damping > 0.0;
     to->damping = settles ? 0.0 : mount->damping;
     double lost = 0.0;
@@ -179,6 +186,41 @@ static void mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives 
       to->gain = mount->adapts * (1.0 - (v < 0.0 ? -1.0 : 1.0) * y[lay->mount_friction + m]);
       to->decay = mount->adapts * fabs(v);
     }
+  }
+}
+
+static double mounts_entry(const bd_plan *plan, const bd_derivatives *at, int row, int column,
+                           double g, double sum) {
+  const int m = row - plan->model->lay.np;
+  if (row != column || m < 0 || m >= plan->model->lay.nm) {
+    return sum;
+  }
+  const bd_mount_tangent *k = &at->mounts[m];
+  const double grip = g * g * k->friction * k->gain / (1.0 + g * k->decay);
+  return sum + g * (g * k->stiffness + k->damping) + grip;
+}
+
+static void mounts_product(const bd_plan *plan, const bd_derivatives *at, double g, const double *c,
+                           double *rhs, double *off) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_mount_tangent *k = &at->mounts[m];
+    const double grip = k->friction * c[lay->mount_friction + m] / (1.0 + g * k->decay);
+    rhs[lay->np + m] += g * c[lay->travel_speed + m] * plan->mount_inertia[m];
+    off[lay->np + m] += g * g * (k->stiffness * c[lay->travel + m] + grip);
+  }
+}
+
+static void axes_finish(const bd_plan *plan, const bd_derivatives *at, double g, const double *rhs,
+                        double *c) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int m = 0; m < lay->nm; ++m) {
+    const bd_mount_tangent *k = &at->mounts[m];
+    const double pace = rhs[lay->np + m];
+    double *share = &c[lay->mount_friction + m];
+    c[lay->travel + m] = g * (c[lay->travel + m] + pace);
+    c[lay->travel_speed + m] = pace;
+    *share = g * (*share + k->gain * pace) / (1.0 + g * k->decay);
   }
 }
 
@@ -358,6 +400,7 @@ const bd_effect bd_effect_axes = {
     .tangent = axes_tangent,
     .carve = axes_carve,
     .carve_tangent = axes_carve_tangent,
+    .finish = axes_finish,
     .states = axes_states,
     .after_step = axes_after_step,
     .unseen = stops_unseen,
@@ -371,6 +414,8 @@ const bd_effect bd_effect_mounts = {
     .enabled = mounts_enabled,
     .rate = mounts_rate,
     .tangent = mounts_tangent,
+    .entry = mounts_entry,
+    .product = mounts_product,
     .stiffness = mounts_stiffness,
     .energy = mounts_energy,
     .n_works = 1,

@@ -12,7 +12,9 @@
 
 /* A copy, whose arrays are carved. */
 bd_harmonics bd_harmonics_carve(bd_carver *carver, const bd_harmonics *given);
-/* whose: of which of the torque terms or motions, for the message. */
+/* whose: of which of the torque terms or motions, for the message. All n values of a name. */
+int bd_check_finite(const char *field, const char *whose, size_t k, const char *name,
+                    const double *values, size_t n, bd_error *err);
 int bd_harmonics_check(const bd_harmonics *harmonics, const char *field, const char *whose,
                        size_t k, bd_error *err);
 /* The sum at an angle, and its derivatives to it of order 1 to 3. */
@@ -90,6 +92,9 @@ typedef struct bd_load_value {
   double torque, by_omega, by_theta;
 } bd_load_value;
 
+/* Fails for term k of a torque. */
+#define BD_REFUSE_TERM(err, k, format, ...)                                                        \
+  bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: " format, k, __VA_ARGS__)
 int bd_is_load(const bd_torque_term *term);
 int bd_has_points(const bd_torque_term *term); /* a table over speed */
 int bd_load_check(const bd_torque_term *term, size_t k, int np, bd_error *err);
@@ -145,12 +150,17 @@ typedef struct bd_plan_options {
   double flow; /* settling: stress-free length of belt that runs past a point [m/s] */
 } bd_plan_options;
 
-/* A mount as linearised: its speed; where it has the axis; stiffness and damping of all but the
- * belt's contact, what turning the direction does to the force of the belt included; friction, and
- * the rate of its share by speed and, of opposite sign, by the share. */
-typedef struct bd_mount_tangent {
+/* An axis that moves with a body (-1: it stands): speed of the body, and where it has the axis. */
+typedef struct bd_moving_axis {
+  int body;
   double speed;
   bd_place at;
+} bd_moving_axis;
+
+/* A mount as linearised: stiffness and damping of all but the belt's contact, what turning the
+ * direction does to the force of the belt included; friction, and the rate of its share by speed
+ * and, of opposite sign, by the share. */
+typedef struct bd_mount_tangent {
   double stiffness, damping, friction, gain, decay;
 } bd_mount_tangent;
 
@@ -167,19 +177,26 @@ typedef struct bd_derivatives {
   int *n_runs;
   bd_run *runs; /* per pulley, max_runs apart */
   int max_runs;
-  double mass_damping;    /* [1/s] */
-  double *pulley_damping; /* of torques on shafts by their own speed [N m s]; NULL: none */
+  double mass_damping;  /* [1/s] */
+  bd_moving_axis *axes; /* by pulley; NULL: all stand */
+  double *bearings;     /* by pulley: of drag by the speed of the shaft against them [N m s] */
   bd_mount_tangent *mounts;
   bd_coupling_tangent *couplings;
 } bd_derivatives;
 
 /* A body of one degree of freedom; by number shafts, then mounts, then rims and rings with a
- * coupling. Entries of its place and speed in a state; the radius or lever at which the belt has
- * hold of it. */
+ * coupling. Entries of its place and speed in a state; whether its motion is prescribed; the radius
+ * or lever at which the belt has hold of it. */
 typedef struct bd_freedom {
   int pulley, place, speed;
-  double inertia, arm;
+  double inertia;
+  int prescribed;
+  double arm;
 } bd_freedom;
+
+static inline const bd_moving_axis *bd_moving_axis_of(const bd_derivatives *at, int j) {
+  return at->axes && at->axes[j].body >= 0 ? &at->axes[j] : NULL;
+}
 
 static inline int bd_count_bodies(const bd_layout *lay) {
   return lay->np + lay->nm + lay->nc;
@@ -256,12 +273,14 @@ typedef struct bd_effect {
   void (*carve)(bd_carver *carver, bd_plan *plan, const bd_model *model);
   void (*carve_tangent)(bd_carver *carver, bd_derivatives *out, const bd_model *model);
   /* Its part in linear systems with g, beside inertias, damping and what the links do: an entry of
-   * the small matrix of the bodies; what c, laid out as a state, adds to their right-hand side; and
-   * its unknowns into c, from the speeds of all bodies. */
-  double (*entry)(const bd_derivatives *at, const bd_model *model, int row, int column, double g);
-  void (*product)(const bd_derivatives *at, const bd_model *model, double g, const double *c,
-                  double *rhs);
-  void (*finish)(const bd_derivatives *at, const bd_model *model, double g, const double *rhs,
+   * the small matrix of the bodies with its part added; what c, laid out as a state, adds to their
+   * right-hand side and what it takes off; and its unknowns into c, from the speeds of all bodies.
+   */
+  double (*entry)(const bd_plan *plan, const bd_derivatives *at, int row, int column, double g,
+                  double sum);
+  void (*product)(const bd_plan *plan, const bd_derivatives *at, double g, const double *c,
+                  double *rhs, double *off);
+  void (*finish)(const bd_plan *plan, const bd_derivatives *at, double g, const double *rhs,
                  double *c);
   /* Rates of its own states as entries of the Jacobian, and the states by which forces go. */
   void (*states)(const bd_derivatives *at, const bd_layout *lay, const bd_state_entries *to);

@@ -24,7 +24,10 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
     /* the directions are kept, with the rate that they belong to; the last vector of what is one
      * node further reads a number behind them */
     const size_t count = (size_t)lay->stride + BD_HALO;
-    *scratch[k] = (k < 2 ? bd_carve_kept : bd_carve)(carver, count, sizeof **scratch[k]);
+    BD_CARVE(carver, *scratch[k], count);
+    if (k < 2) {
+      bd_keep(carver, (bd_kept){.place = *scratch[k], .size = count * sizeof **scratch[k]});
+    }
     if (carver->base) {
       *scratch[k] += BD_HALO;
     }
@@ -32,6 +35,7 @@ void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   for (int i = 0; carver->base && i < lay->n; ++i) {
     link_mask[i] = 1.0;
   }
+  BD_KEEP_SPAN(carver, plan, t_piece, skip_power);
   BD_KEEP(carver, plan->torque, lay->np);
   bd_effects_carve(carver, plan, model);
 }
@@ -139,15 +143,18 @@ bd_freedom bd_freedom_of(const bd_plan *plan, int body) {
   const bd_layout *lay = &model->lay;
   const int m = body - lay->np, c = m - lay->nm;
   if (m < 0) {
-    return (bd_freedom){body, lay->theta + body, lay->omega + body, model->inertia[body],
-                        model->radius[body]};
+    const int moved = bd_is_moved(&plan->torques, body);
+    return (bd_freedom){body,  lay->theta + body,  lay->omega + body, model->inertia[body],
+                        moved, model->radius[body]};
   }
   if (c < 0) {
-    return (bd_freedom){lay->mounted[m], lay->travel + m, lay->travel_speed + m,
-                        plan->mount_inertia[m], model->mounts[m].lever};
+    const bd_mounted *mount = &model->mounts[m];
+    return (bd_freedom){mount->pulley,          lay->travel + m,    lay->travel_speed + m,
+                        plan->mount_inertia[m], !mount->row->moves, mount->lever};
   }
-  return (bd_freedom){lay->coupled[c], lay->rim_angle + c, lay->rim_speed + c,
-                      model->couplings[c].inertia, model->radius[lay->coupled[c]]};
+  const bd_coupled *k = &model->couplings[c];
+  return (bd_freedom){k->pulley, lay->rim_angle + c,      lay->rim_speed + c, k->inertia,
+                      0,         model->radius[k->pulley]};
 }
 
 int bd_plan_rate_of_belt(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {

@@ -13,6 +13,9 @@ void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay)
   search->max_runs = lay->n8 / BD_LANES / 2 + 1;
   BD_CARVE(carver, search->n_runs, lay->np);
   BD_CARVE(carver, search->runs, lay->np * search->max_runs);
+  BD_KEEP_SPAN(carver, search, margin, rebuilds);
+  BD_KEEP_INDEXES(carver, search->n_runs, lay->np, 0, search->max_runs);
+  BD_KEEP_INDEXES(carver, search->runs, 2 * lay->np * search->max_runs, 0, lay->n8);
 }
 
 static void list_links(bd_plan *plan, const double *y) {

@@ -25,6 +25,11 @@ static bd_torque_term carve_term(bd_carver *carver, const bd_torque_term *given,
   copy.omega = bd_carve_copy(carver, given->omega, copy.n_points);
   copy.torque = bd_carve_copy(carver, given->torque, copy.n_points);
   copy.harmonics = bd_harmonics_carve(carver, harmonic ? &given->harmonics : &(bd_harmonics){0});
+  bd_given(carver, &copy.kind, sizeof copy.kind);
+  if (load) {
+    bd_given(carver, &copy.against, sizeof copy.against);
+    bd_given(carver, (int[]){copy.pulley, copy.of}, 2 * sizeof(int));
+  }
   return copy;
 }
 
@@ -48,6 +53,9 @@ void bd_torque_set_carve(bd_carver *carver, bd_torque_set *set, const bd_model *
     n_breaks += torque->motions[k].n_t + 2;
   }
   BD_CARVE(carver, set->breaks, n_breaks);
+  if (torque) {
+    bd_given(carver, torque->breakpoints, torque->n_breakpoints * sizeof *torque->breakpoints);
+  }
   bd_motion_set_carve(carver, &set->motion, np, torque);
   set->np = np;
   set->model = model;
@@ -59,10 +67,10 @@ static int check_times(const bd_torque_term *term, size_t k, bd_error *err) {
   for (size_t i = 0; i < term->n_t; ++i) {
     if (!isfinite(term->t[i]) || (i > 0 && term->t[i] < term->t[i - 1]) ||
         (i > 1 && term->t[i] <= term->t[i - 2])) {
-      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                     "torque term %zu: t must be finite and non-decreasing, a time given at most "
-                     "twice (a jump); t[%zu] is %g",
-                     k, i, term->t[i]);
+      return BD_REFUSE_TERM(err, k,
+                            "t must be finite and non-decreasing, a time given at most "
+                            "twice (a jump); t[%zu] is %g",
+                            i, term->t[i]);
     }
   }
   return BD_OK;
@@ -72,40 +80,32 @@ static int check_term(const bd_torque_term *term, size_t k, int np, bd_error *er
   switch (term->kind) {
   case BD_TORQUE_PIECEWISE:
     if (term->n_t < 1) {
-      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: t must not be empty", k);
+      return BD_REFUSE_TERM(err, k, "%s", "t must not be empty");
     }
     for (size_t i = 0; i < term->n_t * (size_t)np; ++i) {
       if (!isfinite(term->values[i])) {
-        return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                       "torque term %zu: values must be finite, values[%zu, %zu] is %g", k,
-                       i / (size_t)np, i % (size_t)np, term->values[i]);
+        return BD_REFUSE_TERM(err, k, "values must be finite, values[%zu, %zu] is %g",
+                              i / (size_t)np, i % (size_t)np, term->values[i]);
       }
     }
     return check_times(term, k, err);
   case BD_TORQUE_VISCOUS:
-    for (int j = 0; j < np; ++j) {
-      if (!isfinite(term->coefficients[j])) {
-        return bd_fail(err, BD_ERR_TORQUE_DATA, "torque",
-                       "torque term %zu: coefficients must be finite, coefficients[%d] is %g", k, j,
-                       term->coefficients[j]);
-      }
-    }
-    return BD_OK;
+    return bd_check_finite("torque", "torque term", k, "coefficients", term->coefficients,
+                           (size_t)np, err);
   case BD_TORQUE_FUNCTION:
   case BD_TORQUE_CALL:
     if (term->kind == BD_TORQUE_FUNCTION ? !term->function : !term->call) {
-      return bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: the function is NULL", k);
+      return BD_REFUSE_TERM(err, k, "%s", "the function is NULL");
     }
     return BD_OK;
   case BD_TORQUE_LOAD:
   case BD_TORQUE_TABLE:
   case BD_TORQUE_HARMONICS:
   case BD_TORQUE_CURVE:
-    return bd_load_check(term, k, np, err) == BD_OK ? check_times(term, k, err)
-                                                    : BD_ERR_TORQUE_DATA;
+    BD_TRY(bd_load_check(term, k, np, err));
+    return check_times(term, k, err);
   default:
-    return bd_fail(err, BD_ERR_TORQUE_DATA, "torque", "torque term %zu: unknown kind %d", k,
-                   term->kind);
+    return BD_REFUSE_TERM(err, k, "unknown kind %d", term->kind);
   }
 }
 
@@ -121,9 +121,7 @@ int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *er
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];
     set->smooth &= term->kind != BD_TORQUE_FUNCTION && term->kind != BD_TORQUE_CALL;
-    if (check_term(term, k, set->np, err) != BD_OK) {
-      return BD_ERR_TORQUE_DATA;
-    }
+    BD_TRY(check_term(term, k, set->np, err));
     if ((term->kind == BD_TORQUE_PIECEWISE || bd_is_load(term)) && term->n_t > 0) {
       memcpy(set->breaks + n, term->t, term->n_t * sizeof *term->t);
       n += term->n_t;
@@ -137,9 +135,7 @@ int bd_torque_set_fill(bd_torque_set *set, const bd_torque *torque, bd_error *er
     }
     set->breaks[n++] = torque->breakpoints[k];
   }
-  if (bd_motion_set_check(&set->motion, set->np, err) != BD_OK) {
-    return BD_ERR_TORQUE_DATA;
-  }
+  BD_TRY(bd_motion_set_check(&set->motion, set->np, err));
   for (size_t k = 0; k < set->motion.n; ++k) {
     const bd_motion *motion = &set->motion.motions[k];
     for (size_t i = 0; i < motion->n_t; ++i) {
@@ -216,22 +212,20 @@ int bd_torque_set_eval(bd_torque_set *set, double t, double t_piece, const doubl
         torque[j] -= term->coefficients[j] * omega[j];
       }
       continue;
-    case BD_TORQUE_LOAD:
-    case BD_TORQUE_TABLE:
-    case BD_TORQUE_HARMONICS:
-    case BD_TORQUE_CURVE:
+    case BD_TORQUE_FUNCTION:
+    case BD_TORQUE_CALL:
+      break;
+    default:
       torque[term->pulley] +=
           bd_load_factor(term, t, t_piece) * bd_load_at(set, term, theta, omega).torque;
       continue;
-    case BD_TORQUE_FUNCTION:
-      memset(set->part, 0, (size_t)np * sizeof *set->part);
+    }
+    memset(set->part, 0, (size_t)np * sizeof *set->part);
+    if (term->kind == BD_TORQUE_CALL) {
+      code = term->call(t_inside, theta, omega, set->part, term->user);
+    } else {
       term->function(t_inside, theta, omega, set->part, term->user);
       code = set->stop && *set->stop;
-      break;
-    default:
-      memset(set->part, 0, (size_t)np * sizeof *set->part);
-      code = term->call(t_inside, theta, omega, set->part, term->user);
-      break;
     }
     if (code != 0) {
       return bd_fail_at(err, BD_ERR_CALLBACK, "torque", t, -1, -1, (double)code,
@@ -299,13 +293,8 @@ int bd_torque_set_derive(bd_torque_set *set, double t, double t_piece, double *t
     return BD_OK;
   }
   for (int j = 0; j < np; ++j) {
-    int code = derive_by(set, t, t_piece, theta, omega, &theta[j], torque, by_theta, j, err);
-    if (code == BD_OK) {
-      code = derive_by(set, t, t_piece, theta, omega, &omega[j], torque, by_omega, j, err);
-    }
-    if (code != BD_OK) {
-      return code;
-    }
+    BD_TRY(derive_by(set, t, t_piece, theta, omega, &theta[j], torque, by_theta, j, err));
+    BD_TRY(derive_by(set, t, t_piece, theta, omega, &omega[j], torque, by_omega, j, err));
   }
   return BD_OK;
 }

@@ -17,7 +17,10 @@ void bd_options_default(bd_options *options) {
 
 static void carve(bd_carver *carver, bd_sim *sim, const bd_model *model, const bd_method *method,
                   const bd_method *other, const bd_torque *torque) {
+  BD_KEEP_INDEXES(carver, &sim->choice.now, 1, 0, N_AUTO - 1);
   bd_stepper_carve(carver, &sim->stepper, model, method, other, torque);
+  BD_KEEP_SPAN(carver, sim, choice.per_second, choice.look_after);
+  BD_KEEP_SPAN(carver, sim, t0, stats);
   bd_guard_carve(carver, &sim->guard, model->lay.np);
   bd_twin_carve(carver, &sim->twin, model->lay.np);
 }
@@ -28,16 +31,18 @@ bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_meth
   bd_sim sizes, *sim;
   bd_carve(&carver, 1, sizeof *sim);
   carve(&carver, &sizes, model, method, other, torque);
-  char *block = bd_block_new(carver.used + carver.n_kept);
+  const size_t used = carver.used, bytes = used + carver.n_kept * sizeof(bd_kept);
+  char *block = bd_block_new(bytes);
   if (!block) {
     return NULL;
   }
-  carver = (bd_carver){.base = block, .kept = block + carver.used};
+  carver = (bd_carver){.base = block, .kept = (bd_kept *)(block + used), .given = BD_NOTHING};
   sim = bd_carve(&carver, 1, sizeof *sim);
   carve(&carver, sim, model, method, other, torque);
   sim->kept = carver.kept;
   sim->n_kept = carver.n_kept;
-  sim->bytes = carver.used + carver.n_kept;
+  sim->given = carver.given;
+  sim->bytes = bytes;
   sim->stats.spectral_bound = model->info.spectral_bound;
   atomic_flag_clear(&sim->running);
   return sim;
@@ -126,10 +131,8 @@ static int check_times(const bd_model *model, double t, double t_end, const bd_o
                    "rounding, got %.17g",
                    t, t_end);
   }
-  if (bd_sim_check_time(model, "t_end", t_end, err) != BD_OK ||
-      bd_sim_check_time(model, "initial.t", t, err) != BD_OK) {
-    return BD_ERR_OPTION;
-  }
+  BD_TRY(bd_sim_check_time(model, "t_end", t_end, err));
+  BD_TRY(bd_sim_check_time(model, "initial.t", t, err));
   const double finest = fmin(1e-7, 1e-4 * bd_round_time(model));
   if (options->torque_interval < finest) {
     return bd_fail(err, BD_ERR_OPTION, "torque_interval",
@@ -177,12 +180,8 @@ int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial
   bd_options defaults;
   bd_options_default(&defaults);
   options = options ? options : &defaults;
-  if (check_options(options, err) != BD_OK) {
-    return BD_ERR_OPTION;
-  }
-  if (check_times(model, initial->t, t_end, options, err) != BD_OK) {
-    return BD_ERR_OPTION;
-  }
+  BD_TRY(check_options(options, err));
+  BD_TRY(check_times(model, initial->t, t_end, options, err));
   bd_auto pair = {0};
   if (automatic(options)) {
     bd_auto_pair(model, options->rtol, &pair);

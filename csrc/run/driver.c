@@ -22,23 +22,18 @@
 #define LOOKS 500
 
 static int sample(bd_sim *sim, double t, double *y) {
-  const bd_layout *lay = &sim->stepper.model->lay;
-  int code = bd_motion_put(&sim->stepper.plan, t, y, &sim->stepper.report.failure);
+  bd_plan *plan = &sim->stepper.plan;
+  BD_TRY(bd_motion_put(plan, t, y, &sim->stepper.report.failure));
   /* functions are looked at for pulses here, whether or not their torque is kept */
-  if (code == BD_OK && (sim->output.torque || !sim->stepper.plan.torques.smooth)) {
-    code =
-        bd_torque_set_eval(&sim->stepper.plan.torques, t, sim->stepper.plan.t_piece, y + lay->theta,
-                           y + lay->omega, sim->stepper.plan.torque, &sim->stepper.report.failure);
+  if (sim->output.torque || !plan->torques.smooth) {
+    BD_TRY(bd_stepper_torque(&sim->stepper, t, y, plan->torque));
   }
-  if (code == BD_OK) {
-    bd_output output = sim->output;
-    if (sim->next_sample % (1 + sim->n_samples / LOOKS) != 0) {
-      output.across = NULL;
-    }
-    bd_observe(&sim->stepper.plan, y, sim->stepper.turns, sim->stepper.plan.torque, sim->e0,
-               &output, sim->next_sample++);
+  bd_output output = sim->output;
+  if (sim->next_sample % (1 + sim->n_samples / LOOKS) != 0) {
+    output.across = NULL;
   }
-  return code;
+  bd_observe(plan, y, sim->stepper.turns, plan->torque, sim->e0, &output, sim->next_sample++);
+  return BD_OK;
 }
 
 /* Samples up to the end of the step just made, t + h. */
@@ -49,10 +44,7 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
       y = sim->stepper.y_mid;
       sim->stepper.now->inside(&sim->stepper, h, (t - sim->stepper.t) / h, y);
     }
-    int code = sample(sim, t, y);
-    if (code != BD_OK) {
-      return code;
-    }
+    BD_TRY(sample(sim, t, y));
     if (t < t_new && !sim->stepper.plan.torques.smooth) {
       bd_torque_functions_check_sample(&sim->stepper, t, h);
     }
@@ -64,20 +56,11 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
 static int accept(bd_sim *sim, double h, double t_new) {
   int changed = 0;
   const long contacts = sim->stepper.plan.contacts_changed;
-  int code = bd_plan_after_step(&sim->stepper.plan, t_new, sim->stepper.y_new,
-                                1e-3 * sim->stepper.rtol, &changed, &sim->stepper.report.failure);
-  if (code == BD_OK) {
-    code = sim->stepper.now->finish(&sim->stepper, h, t_new);
-  }
-  if (code == BD_OK) {
-    code = bd_torque_functions_push_torque(&sim->stepper, h);
-  }
-  if (code == BD_OK) {
-    code = sample_step(sim, h, t_new);
-  }
-  if (code != BD_OK) {
-    return code;
-  }
+  BD_TRY(bd_plan_after_step(&sim->stepper.plan, t_new, sim->stepper.y_new, 1e-3 * sim->stepper.rtol,
+                            &changed, &sim->stepper.report.failure));
+  BD_TRY(sim->stepper.now->finish(&sim->stepper, h, t_new));
+  BD_TRY(bd_torque_functions_push_torque(&sim->stepper, h));
+  BD_TRY(sample_step(sim, h, t_new));
   sim->guard.bounces += bd_bounces(&sim->stepper.plan, sim->stepper.y, sim->stepper.y_new);
   /* an implicit method takes the rate at y_new after the change */
   bd_stepper_advance(&sim->stepper, h, t_new, sim->stepper.now->implicit || !changed);
@@ -117,20 +100,13 @@ int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance, d
     int last = sim->stepper.t + 1.001 * h >= t_new;
     h = last ? t_new - sim->stepper.t : h;
     bd_plan_list(&sim->stepper.plan, sim->stepper.y, h);
-    int code = sim->stepper.now->attempt(&sim->stepper, h, &error);
-    if (code == BD_OK && !isfinite(error)) {
-      code = BD_ERR_NOT_FINITE;
-    }
-    if (code == BD_OK && error > tolerance && h > least) {
+    BD_TRY(sim->stepper.now->attempt(&sim->stepper, h, &error));
+    BD_TRY(isfinite(error) ? BD_OK : BD_ERR_NOT_FINITE);
+    if (error > tolerance && h > least) {
       h *= 0.25;
       continue;
     }
-    if (code == BD_OK) {
-      code = accept(sim, h, last ? t_new : sim->stepper.t + h);
-    }
-    if (code != BD_OK) {
-      return code;
-    }
+    BD_TRY(accept(sim, h, last ? t_new : sim->stepper.t + h));
     h = error < calm * tolerance ? fmin(2.0 * h, whole) : h;
   }
   return BD_OK;
@@ -189,22 +165,14 @@ static int start(bd_sim *sim) {
   bd_plan_begin(&sim->stepper.plan, sim->stepper.y);
   bd_stepper_weigh_friction(&sim->stepper);
   bd_plan_list(&sim->stepper.plan, sim->stepper.y, sim->stepper.h);
-  int code = bd_sim_begin_motion(sim, &sim->stepper.report.failure);
-  if (code == BD_OK) {
-    code = bd_motion_put(&sim->stepper.plan, sim->stepper.t, sim->stepper.y,
-                         &sim->stepper.report.failure);
-  }
-  if (code != BD_OK) {
-    return code;
-  }
+  BD_TRY(bd_sim_begin_motion(sim, &sim->stepper.report.failure));
+  BD_TRY(bd_motion_put(&sim->stepper.plan, sim->stepper.t, sim->stepper.y,
+                       &sim->stepper.report.failure));
   double terms[BD_N_ENERGY];
   sim->e0 = bd_energy(&sim->stepper.plan, sim->stepper.y, terms);
   bd_guard_begin(sim);
   while (sim->next_sample < sim->n_samples && sim->t_sample[sim->next_sample] <= sim->stepper.t) {
-    code = sample(sim, sim->stepper.t, sim->stepper.y);
-    if (code != BD_OK) {
-      return code;
-    }
+    BD_TRY(sample(sim, sim->stepper.t, sim->stepper.y));
   }
   return BD_OK;
 }
@@ -238,24 +206,24 @@ static int torque_jumps(bd_sim *sim, int *jumps) {
   const bd_layout *lay = &sim->stepper.model->lay;
   double *y = sim->stepper.y, *torque = sim->stepper.plan.torque;
   double piece = 0.5 * (sim->stepper.t + fmin(next_stop(sim), sim->t_end + 1.0));
-  int code = bd_torque_set_eval(&sim->stepper.plan.torques, sim->stepper.t, piece, y + lay->theta,
-                                y + lay->omega, torque, &sim->stepper.report.failure);
-  for (int j = 0; code == BD_OK && j < lay->np; ++j) {
+  BD_TRY(bd_torque_set_eval(&sim->stepper.plan.torques, sim->stepper.t, piece, y + lay->theta,
+                            y + lay->omega, torque, &sim->stepper.report.failure));
+  for (int j = 0; j < lay->np; ++j) {
     double before = sim->stepper.functions.now[j];
     *jumps |= fabs(torque[j] - before) > 1e-9 * (fabs(torque[j]) + fabs(before));
   }
-  return code;
+  return BD_OK;
 }
 
 /* After a stop the torque, or its slope, is another: the rate is not known. Where the torque jumps
  * there is no past either, and a multistep method begins anew as the run began, for its first two
  * steps are not looked at. */
 static int pass_stop(bd_sim *sim) {
-  int jumps = 0, code = BD_OK;
+  int jumps = 0;
   sim->stepper.rate_known = sim->stepper.jacobian_known = 0;
   if (sim->stepper.method->history > 0 && !sim->stepper.plan.pulleys_locked &&
       sim->stepper.t < sim->t_end) {
-    code = torque_jumps(sim, &jumps);
+    BD_TRY(torque_jumps(sim, &jumps));
   }
   if (jumps) {
     sim->stepper.n_history = 0;
@@ -263,7 +231,7 @@ static int pass_stop(bd_sim *sim) {
       sim->stepper.h = fmin(sim->stepper.h, first_step(sim));
     }
   }
-  return code;
+  return BD_OK;
 }
 
 /* Whether an implicit fixed step goes on with shorter ones after a failure. */
@@ -444,51 +412,38 @@ static int step(bd_sim *sim) {
     if (code == BD_OK) {
       return go_on(sim, &t);
     }
-    code = reject(sim, &t, code, retries);
-    if (code != BD_OK) {
-      return code;
-    }
+    BD_TRY(reject(sim, &t, code, retries));
   }
 }
 
 static int advance(bd_sim *sim, long max_steps) {
-  int code = BD_OK;
-  for (long k = 0; code == BD_OK && sim->stepper.t < sim->t_end; ++k) {
+  const int guarded = sim->options.guards && !sim->settling;
+  for (long k = 0; sim->stepper.t < sim->t_end; ++k) {
     if (k >= max_steps) {
       return BD_MORE;
     }
     if (sim->options.max_steps > 0 && sim->stats.steps >= sim->options.max_steps) {
-      return bd_fail_at(&sim->stepper.report.failure, BD_ERR_MAX_STEPS, "max_steps", sim->stepper.t,
-                        -1, -1, (double)sim->stats.steps,
-                        "the limit of %ld steps was reached at t = %.9g s of %.9g s: raise "
-                        "max_steps or %s",
-                        sim->options.max_steps, sim->stepper.t, sim->t_end,
-                        sim->stepper.max_step > 0.0 ? "max_step"
-                        : sim->stepper.fixed        ? "step"
-                                                    : "loosen rtol");
+      return BD_FAIL(sim, BD_ERR_MAX_STEPS, "max_steps", -1, -1, (double)sim->stats.steps,
+                     "the limit of %ld steps was reached at t = %.9g s of %.9g s: raise "
+                     "max_steps or %s",
+                     sim->options.max_steps, sim->stepper.t, sim->t_end,
+                     sim->stepper.max_step > 0.0 ? "max_step"
+                     : sim->stepper.fixed        ? "step"
+                                                 : "loosen rtol");
     }
-    code = sim->started ? BD_OK : start(sim);
-    if (code == BD_OK) {
-      code = step(sim);
-    }
-    const int guarded = sim->options.guards && !sim->settling;
-    if (code == BD_OK && guarded) {
-      code = bd_guard_look(sim, sim->stepper.t >= sim->t_end);
-    }
-    if (BD_EVERY_STEP && code == BD_OK && guarded) {
-      code = bd_guard_check(sim);
-    }
-    if (code == BD_OK && guarded) {
-      code = bd_guard_progress(sim);
-    }
-    if (code == BD_OK && guarded) {
+    BD_TRY(sim->started ? BD_OK : start(sim));
+    BD_TRY(step(sim));
+    if (guarded) {
+      BD_TRY(bd_guard_look(sim, sim->stepper.t >= sim->t_end));
+      BD_TRY(BD_EVERY_STEP ? bd_guard_check(sim) : BD_OK);
+      BD_TRY(bd_guard_progress(sim));
       bd_twin_follow(sim);
     }
-    if (code == BD_OK && sim->choice.method[0]) {
+    if (sim->choice.method[0]) {
       bd_auto_watch(sim);
     }
   }
-  return code;
+  return BD_OK;
 }
 
 int bd_sim_advance(bd_sim *sim, long max_steps, bd_error *err) {

@@ -202,8 +202,8 @@ static void watch_contacts(bd_sim *sim) {
   memcpy(twin->theta, sim->stepper.y + lay->theta, (size_t)lay->np * sizeof *twin->theta);
   twin->times_chattered += chatters;
   if (twin->times_chattered >= OFTEN) {
-    bd_warn(
-        &sim->stepper.report, BD_WARN_chatter, twin->t_chatter, -1, -1,
+    BD_WARN(
+        sim, BD_WARN_chatter, twin->t_chatter, -1, -1,
         "links lose and regain contact with the pulleys %.0f times more often than the belt's "
         "travel explains, from t = %.6g s on: small differences may grow, so the error in time is "
         "not known; more damping of contact or joints calms them",
@@ -216,6 +216,7 @@ static void watch_contacts(bd_sim *sim) {
 /* Another simulation where this one is. */
 static void copy(const bd_sim *sim, bd_sim *twin) {
   bd_stepper_copy(&twin->stepper, &sim->stepper);
+  twin->choice.now = sim->choice.now;
   twin->started = 1;
   twin->next_break = 0;
 }
@@ -282,7 +283,7 @@ static void conclude(bd_sim *sim, double growth) {
   double from = t->chatters ? t->t_chatter : t->t_begin;
   double folding = (sim->stepper.t - t->t_begin) / log(growth);
   note_growth(sim, folding);
-  bd_warn(&sim->stepper.report, BD_WARN_growth, from, -1, -1,
+  BD_WARN(sim, BD_WARN_growth, from, -1, -1,
           "small differences grow exponentially from t = %.6g s on, by a factor of e in "
           "%.2g s: single forces and positions cannot be trusted from then on, whatever the "
           "tolerance, only averages are meaningful; more damping of contact or joints calms such "
@@ -309,8 +310,9 @@ static void see_torque(bd_sim *sim, bd_sim *twin) {
 static int repeat(bd_sim *sim, bd_sim *twin) {
   bd_twin *t = &sim->twin;
   see_torque(sim, twin);
-  if (twin->stepper.method !=
-      sim->stepper.method) { /* "auto" has gone over to the other, which begins anew */
+  if (twin->choice.now !=
+      sim->choice.now) { /* "auto" has gone over to the other, which begins anew */
+    twin->choice.now = sim->choice.now;
     twin->stepper.method = sim->stepper.method;
     twin->stepper.n_history = 0;
     twin->stepper.rate_known = twin->stepper.jacobian_known = 0;
@@ -390,7 +392,7 @@ static void conclude_missed(bd_sim *sim) {
   bd_twin *t = &sim->twin;
   const double folding = (sim->stepper.t - t->missed.t_begin) / log(t->missed.grown);
   note_growth(sim, folding);
-  bd_warn(&sim->stepper.report, BD_WARN_growth, t->missed.t_begin, -1, -1,
+  BD_WARN(sim, BD_WARN_growth, t->missed.t_begin, -1, -1,
           "vibrations of the belt grow from t = %.6g s on, by a factor of e in %.2g s, which "
           "steps of %s, up to %.2g s, are too long to follow: what they would become is missing, "
           "and the error is not known; compare with method=\"tsit5\", or give the belt more "
@@ -477,6 +479,8 @@ void bd_twin_free(bd_twin *twin) {
 }
 
 void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np) {
+  BD_KEEP_SPAN(carver, twin, missed.steps, missed.next_look);
+  BD_KEEP_SPAN(carver, twin, least, seen_t);
   BD_KEEP(carver, twin->theta, np);
   BD_KEEP(carver, twin->seen, 2 * np);
 }

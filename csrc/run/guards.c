@@ -23,6 +23,7 @@
 enum { STEPS = 256, PARTS = 64 };
 
 void bd_guard_carve(bd_carver *carver, bd_guard *guard, int np) {
+  BD_KEEP_SPAN(carver, guard, fed, bounces);
   BD_KEEP(carver, guard->touched, np);
 }
 
@@ -110,19 +111,18 @@ static double survey(bd_sim *sim, double *gap, int *link) {
 static int check_joints(bd_sim *sim, double gap, int link) {
   const double strain = sim->stepper.model->info.strain;
   if (gap > 1.0) {
-    return bd_fail_at(
-        &sim->stepper.report.failure, BD_ERR_JOINT_GAP, "joints", sim->stepper.t, link, -1, gap,
-        "the joint on the left of link %d is stretched by %.3g times a link's length at "
-        "t = %.9g s, which no belt stretches: %s",
-        link, gap, sim->stepper.t,
-        sim->stepper.fixed
-            ? "take a shorter step or an adaptive method, or look for a "
-              "torque or a speed out of scale"
-            : "look for a torque or a speed out of scale, or for a load of the wrong "
-              "sign (its torque is opposite to omega)");
+    return BD_FAIL(sim, BD_ERR_JOINT_GAP, "joints", link, -1, gap,
+                   "the joint on the left of link %d is stretched by %.3g times a link's length at "
+                   "t = %.9g s, which no belt stretches: %s",
+                   link, gap, sim->stepper.t,
+                   sim->stepper.fixed
+                       ? "take a shorter step or an adaptive method, or look for a "
+                         "torque or a speed out of scale"
+                       : "look for a torque or a speed out of scale, or for a load of the wrong "
+                         "sign (its torque is opposite to omega)");
   }
   if (gap > fmax(0.1, 3.0 * strain)) {
-    bd_warn(&sim->stepper.report, BD_WARN_stretch, sim->stepper.t, link, -1,
+    BD_WARN(sim, BD_WARN_stretch, sim->stepper.t, link, -1,
             "a joint is stretched by %.3g %% of a link at t = %.6g s, %.2g %% at rest: few "
             "belts bear that, and none is linear up to there",
             100.0 * gap, sim->stepper.t, 100.0 * strain);
@@ -143,12 +143,12 @@ double bd_guard_energy(const bd_sim *sim) {
 }
 
 int bd_guard_out_of_balance(bd_sim *sim, const char *field, double energy, const char *what) {
-  return bd_fail_at(&sim->stepper.report.failure, BD_ERR_BALANCE, field, sim->stepper.t, -1, -1,
-                    energy, "%s %.3g J by t = %.9g s, where %.3g J passed through the drive: %s",
-                    what, fabs(energy), sim->stepper.t, sim->guard.passed,
-                    sim->stepper.fixed
-                        ? "the fixed step is too long, take a shorter one or an adaptive method"
-                        : "take a tighter rtol or another method");
+  return BD_FAIL(sim, BD_ERR_BALANCE, field, -1, -1, energy,
+                 "%s %.3g J by t = %.9g s, where %.3g J passed through the drive: %s", what,
+                 fabs(energy), sim->stepper.t, sim->guard.passed,
+                 sim->stepper.fixed
+                     ? "the fixed step is too long, take a shorter one or an adaptive method"
+                     : "take a tighter rtol or another method");
 }
 
 static int check_balance(bd_sim *sim, double energy) {
@@ -169,7 +169,7 @@ static int check_balance(bd_sim *sim, double energy) {
   }
   /* and needs no second warning */
   if (fabs(share) > most && !sim->stepper.report.warned[BD_WARN_rough_torque].message[0]) {
-    bd_warn(&sim->stepper.report, BD_WARN_balance, sim->stepper.t, -1, -1,
+    BD_WARN(sim, BD_WARN_balance, sim->stepper.t, -1, -1,
             "%.3g J, %.*g %% of the energy that passed through the drive, %s by t = %.6g s: "
             "take %s, or compare with another method",
             fabs(residual), fabs(share) < 0.0995 ? 2 : 3, 100.0 * fabs(share),
@@ -185,7 +185,7 @@ static void check_contact(bd_sim *sim) {
   for (int j = 0; j < sim->stepper.model->lay.np; ++j) {
     double since = sim->stepper.t - sim->guard.touched[j];
     if (since > 10.0 * bd_round_time(sim->stepper.model)) {
-      bd_warn(&sim->stepper.report, BD_WARN_no_contact, sim->guard.touched[j], -1, j,
+      BD_WARN(sim, BD_WARN_no_contact, sim->guard.touched[j], -1, j,
               "no link touches %s from t = %.6g s to %.6g s: the belt is slack there, or "
               "its links are too long for that pulley (raise belt.n_bodies)",
               bd_pulley_label(sim->stepper.model, j).text, sim->guard.touched[j], sim->stepper.t);
@@ -208,7 +208,7 @@ static void check_steps(bd_sim *sim) {
   const double error = sim->stats.local_error;
   if (sim->stepper.fixed && error > 0.5) {
     const bd_method *method = sim->stepper.method;
-    bd_warn(&sim->stepper.report, BD_WARN_fixed_step, sim->stepper.t, -1, -1,
+    BD_WARN(sim, BD_WARN_fixed_step, sim->stepper.t, -1, -1,
             "steps of %.3g s have errors of up to %.2g of the tension%s, seen by t = %.6g s: take "
             "a shorter step, or leave step out and ask for an rtol",
             sim->options.step > 0.0 ? sim->options.step : sim->stepper.h, error,
@@ -216,8 +216,8 @@ static void check_steps(bd_sim *sim) {
             sim->stepper.t);
   }
   if (!sim->stepper.fixed && sim->stats.fallbacks > 0 && error > 5.0 * sim->stepper.rtol) {
-    bd_warn(
-        &sim->stepper.report, BD_WARN_fallback, sim->stepper.t, -1, -1,
+    BD_WARN(
+        sim, BD_WARN_fallback, sim->stepper.t, -1, -1,
         "%ld steps could only be made by the method of first order, with an error of %.2g where "
         "%.2g was asked, seen by t = %.6g s: look for a jump or a stiffness out of scale",
         sim->stats.fallbacks, error, sim->stepper.rtol, sim->stepper.t);
@@ -244,7 +244,7 @@ static void check_damping(bd_sim *sim) {
   if (sim->stepper.fixed || adds_up <= MANY) {
     return;
   }
-  bd_warn(&sim->stepper.report, BD_WARN_undamped, (double)NAN, -1, -1,
+  BD_WARN(sim, BD_WARN_undamped, (double)NAN, -1, -1,
           "vibrations along the belt hardly decay, so that errors of steps add up, to some %.0f "
           "times what was asked (stats.error): take a tighter rtol, or more axial_damping",
           adds_up);
@@ -274,8 +274,8 @@ static void check_contact_damping(bd_sim *sim) {
     return;
   }
   sim->guard.rings = 1;
-  bd_warn(
-      &sim->stepper.report, BD_WARN_undamped, (double)NAN, -1, -1,
+  BD_WARN(
+      sim, BD_WARN_undamped, (double)NAN, -1, -1,
       "links that come to a pulley vibrate on its contact with %.2g of critical damping, which "
       "steps of %s, up to %.2g s, are too long to follow, so friction and tensions may be off by "
       "several percent: compare with method=\"tsit5\", or give contact.damping >= %.3g N s/m^2",
@@ -312,16 +312,12 @@ int bd_guard_look(bd_sim *sim, int now) {
 
 int bd_guard_check(bd_sim *sim) {
   const bd_plan *plan = &sim->stepper.plan;
-  int link, code = bd_invariants_numbers(sim);
-  const double gap =
-      code == BD_OK ? widest_gap(plan, bd_joints(plan, sim->stepper.y, 0), &link) : 0.0;
-  if (gap > 1.0) {
-    code = check_joints(sim, gap, link);
-  }
-  if (code == BD_OK) {
-    code = bd_guard_winding(plan, sim->stepper.y, &sim->stepper.report.failure, sim->stepper.t);
-  }
-  return code == BD_OK ? bd_invariants_check(sim) : code;
+  int link;
+  BD_TRY(bd_invariants_numbers(sim));
+  const double gap = widest_gap(plan, bd_joints(plan, sim->stepper.y, 0), &link);
+  BD_TRY(gap > 1.0 ? check_joints(sim, gap, link) : BD_OK);
+  BD_TRY(bd_guard_winding(plan, sim->stepper.y, &sim->stepper.report.failure, sim->stepper.t));
+  return bd_invariants_check(sim);
 }
 
 /* --- progress -------------------------------------------------------------------------------- */
@@ -412,9 +408,8 @@ int bd_guard_progress(bd_sim *sim) {
   char text[320];
   int pulley;
   explain_short_steps(sim, gone / (double)since, text, sizeof text, &pulley);
-  return bd_fail_at(
-      &sim->stepper.report.failure, BD_ERR_STALLED, "step", sim->stepper.t, -1, pulley, gone,
-      "no progress at t = %.9g s: %ld steps covered %.3g s, the end is %.2g steps away; "
-      "%s (or set max_steps to go on all the same)",
-      sim->stepper.t, since, gone, to_go, text);
+  return BD_FAIL(sim, BD_ERR_STALLED, "step", -1, pulley, gone,
+                 "no progress at t = %.9g s: %ld steps covered %.3g s, the end is %.2g steps away; "
+                 "%s (or set max_steps to go on all the same)",
+                 sim->stepper.t, since, gone, to_go, text);
 }

@@ -18,31 +18,15 @@
  */
 #include <float.h>
 #include <math.h>
-#include <stdarg.h>
-#include <stdio.h>
 
 #include "run/run.h"
 
-static int broken(bd_sim *sim, const char *field, int body, int pulley, double value,
-                  const char *format, ...)
-#if defined(__GNUC__)
-    __attribute__((format(printf, 6, 7)))
-#endif
-    ;
-
-static int broken(bd_sim *sim, const char *field, int body, int pulley, double value,
-                  const char *format, ...) {
-  char what[256];
-  va_list arguments;
-  va_start(arguments, format);
-  vsnprintf(what, sizeof what, format, arguments);
-  va_end(arguments);
-  return bd_fail_at(&sim->stepper.report.failure, BD_ERR_INVARIANT, field, sim->stepper.t, body,
-                    pulley, value,
-                    "%s at t = %.9g s, which no drive does: results are wrong by an error of the "
-                    "program, please report it with the scene; another method may do without it",
-                    what, sim->stepper.t);
-}
+/* Fails; the time is the last argument. */
+#define BROKEN(sim, field, body, pulley, value, format, ...)                                       \
+  BD_FAIL(sim, BD_ERR_INVARIANT, field, body, pulley, value,                                       \
+          format " at t = %.9g s, which no drive does: results are wrong by an error of the "      \
+                 "program, please report it with the scene; another method may do without it",     \
+          __VA_ARGS__, (sim)->stepper.t)
 
 /* value, which must not be above bound: BD_OK, and the worst is kept. */
 static int within(bd_sim *sim, double value, double bound) {
@@ -60,15 +44,14 @@ int bd_invariants_numbers(bd_sim *sim) {
   int body, pulley;
   const char *name = bd_state_bad(lay, y, &body, &pulley);
   if (name) {
-    return broken(sim, name, body, pulley, (double)NAN, "%s is not finite", name);
+    return BROKEN(sim, name, body, pulley, (double)NAN, "%s is not finite", name);
   }
   for (int k = 0; k < lay->n_work; ++k) {
     if (!isfinite(y[lay->work + k])) { /* products overflow before the state does */
-      return bd_fail_at(&sim->stepper.report.failure, BD_ERR_NOT_FINITE, "energy", sim->stepper.t,
-                        -1, -1, y[lay->work + k],
-                        "the works of the energy ledger are not finite at t = %.9g s: look for "
-                        "parameters, speeds or torques far out of scale",
-                        sim->stepper.t);
+      return BD_FAIL(sim, BD_ERR_NOT_FINITE, "energy", -1, -1, y[lay->work + k],
+                     "the works of the energy ledger are not finite at t = %.9g s: look for "
+                     "parameters, speeds or torques far out of scale",
+                     sim->stepper.t);
     }
   }
   return BD_OK;
@@ -85,13 +68,13 @@ static int check_link(bd_sim *sim, int slot, int i, int j) {
     const double bound = pulley && e < pulley->states ? pulley->bound : 0.0;
     const double z = states[e * lay->stride];
     if (!(fabs(z) <= bound)) {
-      return broken(sim, "mu", i, j, z, "the friction state of link %d is %.9g, where %.9g is most",
+      return BROKEN(sim, "mu", i, j, z, "the friction state of link %d is %.9g, where %.9g is most",
                     i, z, bound);
     }
   }
   return j >= 0 || slip == 0.0
              ? BD_OK
-             : broken(sim, "slip", i, j, slip,
+             : BROKEN(sim, "slip", i, j, slip,
                       "the slip of link %d, which touches no pulley, is %.9g m", i, slip);
 }
 
@@ -116,12 +99,12 @@ static int check_touch(bd_sim *sim, int j) {
   for (int i = 0; i < lay->n; ++i) {
     const double depth = 1.0 - sqrt(squared[i]) / pulley->radius;
     if (depth > RIM && !is_listed(&plan->search, j, i)) {
-      return broken(sim, "contact", i, j, depth, "link %d touches %s unseen", i,
+      return BROKEN(sim, "contact", i, j, depth, "link %d touches %s unseen", i,
                     bd_pulley_label(plan->model, j).text);
     }
     if (pulley->law != BD_LAW_NONE &&
         ((depth > RIM && owner[i] != j) || (depth < -RIM && owner[i] == j))) {
-      return broken(sim, "contact", i, j, depth, "link %d %s %s, and friction has not noticed", i,
+      return BROKEN(sim, "contact", i, j, depth, "link %d %s %s, and friction has not noticed", i,
                     depth > 0.0 ? "touches" : "has left", bd_pulley_label(plan->model, j).text);
     }
   }
@@ -136,25 +119,24 @@ static int has_nodes(const bd_sim *sim) {
 static int check_friction(bd_sim *sim) {
   const bd_plan *plan = &sim->stepper.plan;
   const bd_layout *lay = &plan->model->lay;
-  int code = BD_OK;
   bd_plan_see(plan, sim->stepper.y);
-  for (int j = 0; code == BD_OK && has_nodes(sim) && j < lay->np; ++j) {
-    code = check_touch(sim, j);
+  for (int j = 0; has_nodes(sim) && j < lay->np; ++j) {
+    BD_TRY(check_touch(sim, j));
   }
   for (int s = 0; has_nodes(sim) && s < lay->slots; ++s) {
-    for (int i = 0; code == BD_OK && i < lay->n; ++i) {
-      code = check_link(sim, s, i, (int)plan->owner[s * lay->n8 + i]);
+    for (int i = 0; i < lay->n; ++i) {
+      BD_TRY(check_link(sim, s, i, (int)plan->owner[s * lay->n8 + i]));
     }
   }
-  for (int m = 0; code == BD_OK && m < lay->nm; ++m) {
+  for (int m = 0; m < lay->nm; ++m) {
     const double share = sim->stepper.y[lay->mount_friction + m];
     if (!(fabs(share) <= 1.0)) {
-      code = broken(sim, "mount_friction", -1, lay->mounted[m], share,
+      return BROKEN(sim, "mount_friction", -1, lay->mounted[m], share,
                     "friction of the mount of %s is %.9g of what it can be",
                     bd_pulley_label(plan->model, lay->mounted[m]).text, share);
     }
   }
-  return code;
+  return BD_OK;
 }
 
 /* What rounding does to the sum of n terms of this magnitude, each of some 60 operations. */
@@ -180,12 +162,12 @@ static int check_pulley(bd_sim *sim, int j, double sum[2], bd_contact_rounding *
   sum[0] -= force[0];
   sum[1] -= force[1];
   if (!(here.least_normal >= 0.0)) {
-    return broken(sim, "normal", here.least, j, here.least_normal,
+    return BROKEN(sim, "normal", here.least, j, here.least_normal,
                   "%s pulls at link %d with %.9g N", bd_pulley_label(model, j).text, here.least,
                   here.least_normal);
   }
   if (!within(sim, off, bound) || !within(sim, pushed, 2.0 * bound)) {
-    return broken(
+    return BROKEN(
         sim, "contact", -1, j, fmax(off, pushed),
         "belt and %s exert forces on each other that differ by %.3g N, rounding by %.3g N",
         bd_pulley_label(model, j).text, fmax(off, pushed), bound);
@@ -211,16 +193,13 @@ static int check_forces(bd_sim *sim, const double *dy) {
         fabs(joints[i].force);
   }
   for (int j = 0; j < lay->np; ++j) {
-    const int code = check_pulley(sim, j, sum, &all);
-    if (code != BD_OK) {
-      return code;
-    }
+    BD_TRY(check_pulley(sim, j, sum, &all));
   }
   const double off = fabs(sum[0]) + fabs(sum[1]);
   const double bound = 2.0 * (of_sum(lay->n, all.magnitude) + all.shift);
   return within(sim, off, bound)
              ? BD_OK
-             : broken(sim, "force", -1, -1, off,
+             : BROKEN(sim, "force", -1, -1, off,
                       "%.3g N of the forces on the belt come from nowhere, of rounding %.3g N", off,
                       bound);
 }
@@ -255,7 +234,7 @@ static int check_losses(bd_sim *sim, const double *dy) {
     const double gained = -sim->stepper.y[lay->work + work->row];
     const double power = work->never ? -dy[lay->work + work->row] : 0.0;
     if (!within(sim, power, of_sum(lay->n, elastic * speed))) {
-      return broken(sim, work->name, -1, -1, -power, "dampers of %s give %.3g W", work->name,
+      return BROKEN(sim, work->name, -1, -1, -power, "dampers of %s give %.3g W", work->name,
                     power);
     }
     if (!within(sim, gained, BD_MOST_BALANCE * bd_guard_energy(sim) + given_back(model))) {
@@ -268,14 +247,10 @@ static int check_losses(bd_sim *sim, const double *dy) {
 int bd_invariants_check(bd_sim *sim) {
   bd_stepper *stepper = &sim->stepper;
   double *dy = stepper->y_mid;
-  int code = check_friction(sim);
-  if (code == BD_OK) {
-    bd_mounts_put(&stepper->plan, stepper->y);
-    code =
-        bd_plan_rate_of_belt(&stepper->plan, stepper->t, stepper->y, dy, &stepper->report.failure);
-  }
-  if (code == BD_OK && has_nodes(sim)) {
-    code = check_forces(sim, dy);
-  }
-  return code == BD_OK ? check_losses(sim, dy) : code;
+  BD_TRY(check_friction(sim));
+  bd_mounts_put(&stepper->plan, stepper->y);
+  BD_TRY(
+      bd_plan_rate_of_belt(&stepper->plan, stepper->t, stepper->y, dy, &stepper->report.failure));
+  BD_TRY(has_nodes(sim) ? check_forces(sim, dy) : BD_OK);
+  return check_losses(sim, dy);
 }

@@ -31,18 +31,17 @@ int bd_sim_fail_unstable(bd_sim *sim, int code, double h) {
     snprintf(where, sizeof where, " of %s", place(sim, body, body >= 0 ? -1 : pulley).text);
   }
   if (sim->settling) {
-    return bd_fail_at(&sim->stepper.report.failure, code, name, sim->stepper.t, body, pulley, h,
-                      "settling blew up after t = %.9g s, first in %s%s: the start is too far from "
-                      "rest, %sor parameters are far out of scale",
-                      sim->stepper.t, name, where,
-                      code == BD_ERR_PASSED_THROUGH ? "the contact too soft for the tension, "
-                                                    : "");
+    return BD_FAIL(sim, code, name, body, pulley, h,
+                   "settling blew up after t = %.9g s, first in %s%s: the start is too far from "
+                   "rest, %sor parameters are far out of scale",
+                   sim->stepper.t, name, where,
+                   code == BD_ERR_PASSED_THROUGH ? "the contact too soft for the tension, " : "");
   }
   if (!sim->stepper.fixed) {
-    return bd_fail_at(&sim->stepper.report.failure, code, name, sim->stepper.t, body, pulley, h,
-                      "no step after t = %.9g s gives finite numbers, first in %s%s: look for "
-                      "parameters or torques far out of scale",
-                      sim->stepper.t, name, where);
+    return BD_FAIL(sim, code, name, body, pulley, h,
+                   "no step after t = %.9g s gives finite numbers, first in %s%s: look for "
+                   "parameters or torques far out of scale",
+                   sim->stepper.t, name, where);
   }
   double longest = 0.25 * h;
   if (!m->implicit) {
@@ -50,10 +49,10 @@ int bd_sim_fail_unstable(bd_sim *sim, int code, double h) {
         fmin(0.5 * h,
              m->stability / bd_stiffness_of(sim->stepper.model, &sim->stepper.plan.torques).bound);
   }
-  return bd_fail_at(&sim->stepper.report.failure, code, name, sim->stepper.t, body, pulley, h,
-                    "the step after t = %.9g s blew up, first in %s%s (method %s, step %.3g s): "
-                    "take a shorter step than %.3g s or an adaptive method",
-                    sim->stepper.t, name, where, m->name, h, longest);
+  return BD_FAIL(sim, code, name, body, pulley, h,
+                 "the step after t = %.9g s blew up, first in %s%s (method %s, step %.3g s): "
+                 "take a shorter step than %.3g s or an adaptive method",
+                 sim->stepper.t, name, where, m->name, h, longest);
 }
 
 int bd_sim_fail_floor(bd_sim *sim, double h) {
@@ -68,21 +67,21 @@ int bd_sim_fail_floor(bd_sim *sim, double h) {
     snprintf(where, sizeof where, "; the largest error is in %s of %s", name,
              place(sim, body, pulley).text);
   }
-  return bd_fail_at(&sim->stepper.report.failure, BD_ERR_STEP_FLOOR, name, sim->stepper.t, body,
-                    pulley, h, "the step reached its lower limit, %.3g s, at t = %.9g s%s%s: %s", h,
-                    sim->stepper.t, asked, where,
-                    sim->settling ? "look for parameters far out of scale"
-                    : sim->stepper.fixed
-                        ? "take a shorter step or an adaptive method"
-                        : "loosen rtol, or look for a jump in the torque and name its time in "
-                          "breakpoints");
+  return BD_FAIL(sim, BD_ERR_STEP_FLOOR, name, body, pulley, h,
+                 "the step reached its lower limit, %.3g s, at t = %.9g s%s%s: %s", h,
+                 sim->stepper.t, asked, where,
+                 sim->settling ? "look for parameters far out of scale"
+                 : sim->stepper.fixed
+                     ? "take a shorter step or an adaptive method"
+                     : "loosen rtol, or look for a jump in the torque and name its time in "
+                       "breakpoints");
 }
 
 int bd_sim_fail_fixed(bd_sim *sim, double h, double error) {
   int body, pulley;
   const char *name = bd_erk_worst(&sim->stepper, h, &body, &pulley);
-  return bd_fail_at(
-      &sim->stepper.report.failure, BD_ERR_FIXED_STEP, name, sim->stepper.t, body, pulley, h,
+  return BD_FAIL(
+      sim, BD_ERR_FIXED_STEP, name, body, pulley, h,
       "the step of %.3g s after t = %.9g s has an error of %.3g times the stretch of a joint, "
       "most in %s of %s: take a shorter step than %.3g s or an adaptive method",
       h, sim->stepper.t, error, name, place(sim, body, pulley).text,

@@ -79,10 +79,10 @@ typedef struct bd_twin {
   double *theta;           /* pulleys' angles at the last count */
 } bd_twin;
 
-/* What a restart record keeps of these structs stands together in each (record.c). */
 struct bd_sim {
-  size_t bytes, n_kept; /* of its block; of that what was carved with BD_KEEP */
-  char *kept;
+  size_t bytes, n_kept; /* of its block; pieces of the restart record */
+  bd_kept *kept;
+  uint64_t given; /* check sum of the torques */
   bd_stepper stepper;
   bd_auto choice; /* of "auto"; choice.method[0] NULL: the method was named */
   bd_options options;
@@ -99,6 +99,13 @@ struct bd_sim {
   int started, fallbacks_in_a_row; /* steps left to the first order one after the other */
   bd_stats stats;
 };
+
+/* How a run fails at its time, and what is noticed of it: bd_fail_at, bd_warn. */
+#define BD_FAIL(sim, code, field, body, pulley, value, ...)                                        \
+  bd_fail_at(&(sim)->stepper.report.failure, code, field, (sim)->stepper.t, body, pulley, value,   \
+             __VA_ARGS__)
+#define BD_WARN(sim, code, t, body, pulley, ...)                                                   \
+  bd_warn(&(sim)->stepper.report, code, t, body, pulley, __VA_ARGS__)
 
 /* --- guards.c -------------------------------------------------------------------------------- */
 

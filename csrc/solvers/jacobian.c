@@ -155,7 +155,8 @@ static void read_moves(const reading *r, int of_rates) {
 
 /* The row of a body's speed, -1 if that is prescribed. */
 static int row_of(const reading *r, int body) {
-  return bd_newton_is_prescribed(r->plan, body) ? -1 : bd_freedom_of(r->plan, body).speed;
+  const bd_freedom freedom = bd_freedom_of(r->plan, body);
+  return freedom.prescribed ? -1 : freedom.speed;
 }
 
 /* A body's row by the nodes near pulley j. */
@@ -177,14 +178,15 @@ static void read_row(const reading *r, int body, int j) {
   }
 }
 
-/* Rows of the body on which the belt runs at pulley j, and of its mount, by states of friction. */
+/* Rows of the body on which the belt runs at pulley j, and of that with which its axis moves, by
+ * states of friction. */
 static void read_friction(const reading *r, int body, int j) {
   const bd_newton_system *s = r->system;
   const bd_layout *lay = &r->plan->model->lay;
   const bd_contact_pulley *pulley = &s->at.contact_pulleys[j];
   const bd_run *runs = s->at.runs + j * s->at.max_runs;
   const bd_slot *slot = &s->slots[j];
-  const int m = r->plan->model->mount_of ? r->plan->model->mount_of[j] : -1;
+  const bd_moving_axis *axis = bd_moving_axis_of(&s->at, j);
   const double per = 1.0 / (SHORT * SHORT);
   for (int n = 0; n < s->at.n_runs[j]; ++n) {
     for (int e = 0; e < pulley->states; ++e) {
@@ -193,10 +195,10 @@ static void read_friction(const reading *r, int body, int j) {
         const int column = entry_of(lay, bd_f_state(lay, pulley->slot) + e, i);
         put(r->to, row_of(r, body), column,
             per / bd_freedom_of(r->plan, body).inertia * slot->given_torque[at]);
-        if (m >= 0) {
-          const double *a = s->at.mounts[m].at.a;
+        if (axis) {
+          const double *a = axis->at.a, inertia = bd_freedom_of(r->plan, axis->body).inertia;
           const double force = a[0] * slot->given_x[at] + a[1] * slot->given_y[at];
-          put(r->to, row_of(r, lay->np + m), column, -per / r->plan->mount_inertia[m] * force);
+          put(r->to, row_of(r, axis->body), column, -per / inertia * force);
         }
       }
     }
@@ -209,11 +211,11 @@ static void read_bodies(const reading *r) {
   const int bodies = bd_count_bodies(lay);
   for (int j = 0; j < lay->np; ++j) {
     const int body = bd_belt_body(lay, j);
-    const int m = r->plan->model->mount_of ? r->plan->model->mount_of[j] : -1;
+    const bd_moving_axis *axis = bd_moving_axis_of(&s->at, j);
     read_row(r, body, j);
     read_friction(r, body, j);
-    if (m >= 0) {
-      read_row(r, lay->np + m, j);
+    if (axis) {
+      read_row(r, axis->body, j);
     }
   }
   for (int body = 0; body < bodies; ++body) {

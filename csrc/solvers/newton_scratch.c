@@ -94,9 +94,9 @@ void bd_nodes_newton_carve(bd_carver *carver, bd_newton_system *system, const bd
     bd_body none, *b = carver->base ? &system->bodies[body] : &none;
     bd_carve_rows(carver, lay, 3, &b->w);
     bd_carve_rows(carver, lay, 3, &b->q);
-    bd_carve_rows(carver, lay, bd_is_mount_body(lay, body) ? 3 : 0, &b->given);
+    bd_carve_rows(carver, lay, body >= np && body < np + lay->nm ? 3 : 0, &b->given); /* mounts */
   }
-  BD_CARVE(carver, system->mounts, lay->nm);
+  BD_CARVE(carver, system->axes, np);
   bd_ring_carve(carver, &system->ring, ring, lay->n);
   system->width = 3 * lay->stride;
   BD_CARVE(carver, system->border, bodies * system->width);
@@ -118,6 +118,7 @@ void bd_newton_carve(bd_carver *carver, bd_newton_system *system, const bd_model
   model->belt_model->newton->carve(carver, system, model);
   BD_CARVE(carver, system->own, np);
   BD_CARVE(carver, system->rhs, bodies);
+  BD_CARVE(carver, system->off, bodies);
   BD_CARVE(carver, system->matrix, bodies * bodies);
   BD_CARVE(carver, system->pivots, bodies);
   BD_CARVE(carver, system->by_theta, np * np);

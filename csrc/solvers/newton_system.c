@@ -16,9 +16,9 @@
  * fills both as blocks of neighbouring nodes, and the rows of the bodies in both
  * (kernels/kernels.h); what solves is the same for every belt.
  *
- * Bodies of one degree of freedom are the shafts, one of each pulley, after them the mounts
- * (mount_border.c), and the rims and rings of couplings (physics/couplings.c). One whose motion is
- * prescribed has k_v = b_v for its row, and acts on the rest by its column as any other.
+ * Bodies of one degree of freedom are the shafts, one of each pulley, and those that effects bring
+ * (rows of physics.h), with which an axis may move (axis_border.c). One whose motion is prescribed
+ * has k_v = b_v for its row, and acts on the rest by its column as any other.
  *
  * Joint on the left of link i, e = (cos, sin) of its direction, e' across it, S = [1, -e'] at its
  * left and R = [1, e'] at its right end (MODEL section 2): g df = D^S_i k_i - D^R_l k_l with
@@ -46,10 +46,6 @@
  */
 static bd_run *runs_of(const bd_newton_system *system, int j) {
   return system->at.runs + j * system->at.max_runs;
-}
-
-static int mount_of(const bd_plan *plan, int j) {
-  return plan->model->mount_of ? plan->model->mount_of[j] : -1;
 }
 
 int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err) {
@@ -97,25 +93,13 @@ static int count_bodies(const bd_plan *plan) {
   return plan->pulleys_locked ? lay->nm : bd_count_bodies(lay);
 }
 
-int bd_newton_is_prescribed(const bd_plan *plan, int body) {
-  const int np = plan->model->lay.np;
-  return body < np ? bd_is_moved(&plan->torques, body)
-                   : bd_is_mount_body(&plan->model->lay, body) &&
-                         !plan->model->mounts[body - np].row->moves;
-}
-
-/* The pulley at which the belt runs on this body, which is no mount; -1: it does not. */
-static int pulley_of(const bd_layout *lay, int body) {
-  const int j = body < lay->np ? body : lay->coupled[body - lay->np - lay->nm];
-  return bd_belt_body(lay, j) == body ? j : -1;
-}
-
 /* A body's row times the velocities of the links. */
 static double nodes_row(const bd_newton_system *system, const bd_plan *plan, int body,
                         const double *v) {
   const bd_layout *lay = &plan->model->lay;
-  const int j = bd_is_mount_body(lay, body) ? lay->mounted[body - lay->np] : pulley_of(lay, body);
-  if (j < 0) {
+  const int j = bd_freedom_of(plan, body).pulley;
+  const bd_moving_axis *axis = bd_moving_axis_of(&system->at, j);
+  if (body != bd_belt_body(lay, j) && !(axis && body == axis->body)) {
     return 0.0;
   }
   return bd_newton_row(system, plan, j, system->bodies[body].w,
@@ -125,24 +109,16 @@ static double nodes_row(const bd_newton_system *system, const bd_plan *plan, int
 double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j, double g,
                        double inertia) {
   const bd_layout *lay = &plan->model->lay;
-  const int np = lay->np;
-  if (bd_is_mount_body(lay, i) || bd_is_mount_body(lay, j)) {
-    return bd_mount_entry(system, plan, i, j, g, inertia);
-  }
-  const int shafts = i < np && j < np, pulley = i == j ? pulley_of(lay, i) : -1;
-  inertia += pulley >= 0 ? system->own[pulley] : 0.0;
-  if (i == j && shafts && system->at.pulley_damping) {
-    inertia += g * system->at.pulley_damping[i];
-  }
+  const int np = lay->np, shafts = i < np && j < np, pulley = bd_freedom_of(plan, i).pulley;
   const double torque =
       shafts ? system->by_omega[i * np + j] + g * system->by_theta[i * np + j] : 0.0;
-  double entry = inertia - g * torque;
-  for (int e = 0; e < plan->n_effects; ++e) {
+  double entry = inertia + (i == j && i == bd_belt_body(lay, pulley) ? system->own[pulley] : 0.0);
+  for (int e = plan->n_effects - 1; e >= 0; --e) {
     if (plan->effects[e]->entry) {
-      entry += plan->effects[e]->entry(&system->at, plan->model, i, j, g);
+      entry = plan->effects[e]->entry(plan, &system->at, i, j, g, entry);
     }
   }
-  return entry;
+  return entry - g * torque + bd_axis_entry(system, plan, i, j);
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */
@@ -189,16 +165,16 @@ static void substitute(int n, const double *a, const int *pivots, double *x) {
   }
 }
 
-/* What contact will be beyond its tangent, as one pulley and its mount feel it, into a rate. */
+/* What contact will be beyond its tangent, as one pulley and its axis feel it, into a rate. */
 static void correct_bodies(const bd_newton_system *system, const bd_plan *plan, int j,
                            const bd_fill_sums *sums, double *c) {
   const bd_layout *lay = &plan->model->lay;
-  const int m = mount_of(plan, j);
+  const bd_moving_axis *axis = bd_moving_axis_of(&system->at, j);
   c[lay->rim[j]] += plan->pulleys_locked ? 0.0 : sums->torque / plan->model->rim_inertia[j];
-  if (m >= 0 && plan->model->mounts[m].row->moves) {
-    const double *a = system->at.mounts[m].at.a;
-    c[lay->travel_speed + m] -=
-        (a[0] * sums->force[0] + a[1] * sums->force[1]) / plan->mount_inertia[m];
+  if (axis && !bd_freedom_of(plan, axis->body).prescribed) {
+    const bd_freedom body = bd_freedom_of(plan, axis->body);
+    const double *a = axis->at.a;
+    c[body.speed] -= (a[0] * sums->force[0] + a[1] * sums->force[1]) / body.inertia;
   }
 }
 
@@ -227,21 +203,18 @@ void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, do
   kernels->fill_ring(links, joints, &system->stage, &system->blocks);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int m = mount_of(plan, j);
     bd_axis axis;
-    if (m >= 0) {
-      axis = bd_mount_axis(system, plan, m, g);
-    }
+    const int moves = bd_axis_at(system, j, g, &axis);
     const bd_fill_sums sums = kernels->fill_pulley[pulley->law](
         links, joints, pulley, system->at.n_runs[j], runs_of(system, j), &fill, &system->scratch,
         &system->blocks, &system->slots[j], &system->bodies[bd_belt_body(lay, j)],
-        m >= 0 ? &axis : NULL);
+        moves ? &axis : NULL);
     system->own[j] = sums.own;
     if (c) {
       correct_bodies(system, plan, j, &sums, c);
     }
-    if (m >= 0) {
-      bd_mount_border_add(system, plan, m, &axis);
+    if (moves) {
+      bd_axis_fill(system, lay, j, &axis);
     }
   }
 }
@@ -267,11 +240,12 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
     double *z = bd_newton_border(system, first + j);
     belt->solve(system, lay, z);
     for (int i = 0; i < n; ++i) {
-      if (bd_newton_is_prescribed(plan, first + i)) {
+      const bd_freedom body = bd_freedom_of(plan, first + i);
+      if (body.prescribed) {
         system->matrix[i * n + j] = i == j;
         continue;
       }
-      const double inertia = i == j ? bd_freedom_of(plan, first + i).inertia * damped : 0.0;
+      const double inertia = i == j ? body.inertia * damped : 0.0;
       system->matrix[i * n + j] = bd_newton_entry(system, plan, first + i, first + j, g, inertia) -
                                   belt->row(system, plan, first + i, z);
     }
@@ -314,19 +288,24 @@ static void nodes_product(bd_newton_system *system, const bd_plan *plan, double 
                               sums);
     }
     system->rhs[body] = sums[0];
-    if (mount_of(plan, j) >= 0) {
-      bd_mount_product(system, plan, mount_of(plan, j), c, sums + 1, &system->rhs[body]);
+    if (bd_moving_axis_of(&system->at, j)) {
+      bd_axis_product(system, plan, j, c, sums + 1);
     }
   }
 }
 
 void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c) {
-  memset(system->rhs, 0, (size_t)bd_count_bodies(&plan->model->lay) * sizeof *system->rhs);
+  const int bodies = bd_count_bodies(&plan->model->lay);
+  memset(system->rhs, 0, (size_t)bodies * sizeof *system->rhs);
+  memset(system->off, 0, (size_t)bodies * sizeof *system->off);
   plan->model->belt_model->newton->product(system, plan, c);
   for (int e = 0; e < plan->n_effects; ++e) {
     if (plan->effects[e]->product) {
-      plan->effects[e]->product(&system->at, plan->model, system->stage.g, c, system->rhs);
+      plan->effects[e]->product(plan, &system->at, system->stage.g, c, system->rhs, system->off);
     }
+  }
+  for (int body = 0; body < bodies; ++body) {
+    system->rhs[body] -= system->off[body];
   }
 }
 
@@ -344,12 +323,12 @@ void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, doub
     if (pulley->law == BD_LAW_NONE) {
       continue;
     }
-    const int m = mount_of(plan, j);
+    const bd_moving_axis *axis = bd_moving_axis_of(&system->at, j);
     double move[4];
     system->kernels->restore_states(
         lay, system->at.n_runs[j], runs_of(system, j), pulley->states, &system->slots[j],
         plan->links.link_mask, plan->pulleys_locked ? 0.0 : system->rhs[bd_belt_body(lay, j)],
-        m >= 0 ? bd_mount_move(system, plan, m, c, move) : NULL, bd_cfield(lay, c, F_X),
+        axis ? bd_axis_move(plan, axis, c, move) : NULL, bd_cfield(lay, c, F_X),
         bd_cfield(lay, c, F_VX), bd_field(lay, c, bd_f_state(lay, pulley->slot)),
         bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
   }
@@ -391,8 +370,9 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   belt->solve(system, lay, x);
   for (int body = first; body < first + n; ++body) {
     const int j = body < lay->np ? body : -1;
-    if (bd_newton_is_prescribed(plan, body)) {
-      rhs[body] = g * c[bd_freedom_of(plan, body).speed];
+    const bd_freedom freedom = bd_freedom_of(plan, body);
+    if (freedom.prescribed) {
+      rhs[body] = g * c[freedom.speed];
       continue;
     }
     if (j >= 0) {
@@ -405,12 +385,9 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   }
   substitute(n, system->matrix, system->pivots, rhs + first);
   belt->finish(system, plan, n, bd_newton_border(system, first), rhs + first, c);
-  for (int m = 0; m < lay->nm; ++m) {
-    bd_mount_finish(system, plan, m, rhs[lay->np + m], c);
-  }
   for (int e = 0; e < plan->n_effects; ++e) {
     if (plan->effects[e]->finish) {
-      plan->effects[e]->finish(&system->at, model, g, rhs, c);
+      plan->effects[e]->finish(plan, &system->at, g, rhs, c);
     }
   }
   for (int j = 0; j < lay->np; ++j) {

@@ -9,12 +9,12 @@
 
 /* --- newton_system.c ------------------------------------------------------------------------- */
 
-/* What a mount adds to the small matrix for one g, beside its inertia, spring, damper and friction:
- * the torque of its contact on the pulley by its speed, the force on itself by the pulley's and by
- * its own; and what its given travel is worth as torque, and as force along its way. */
-typedef struct bd_mount_border {
+/* What contact adds to the small matrix for one g where an axis moves with a body: the torque on
+ * the pulley by the body's speed, the force along its way by the pulley's and by its own; and what
+ * the given place of the body is worth as torque, and as force. */
+typedef struct bd_axis_border {
   double torque, by_spin, own, given_torque, given;
-} bd_mount_border;
+} bd_axis_border;
 
 typedef struct bd_newton_system {
   const bd_newton_kernels *kernels, *ring_kernels;
@@ -22,14 +22,14 @@ typedef struct bd_newton_system {
   bd_derivatives at; /* the effects', at the state */
   bd_stage stage;
   double *x, *y, *p; /* right-hand side and solution of the ring, with halo, at the stride */
-  double *border;    /* per shaft, then per mount: its column, solved by the ring, */
+  double *border;    /* per body: its column, solved by the ring, */
   int width;         /* so many numbers apart */
   bd_assembled blocks;
-  bd_contact_scratch scratch; /* of contact along the links */
-  bd_slot *slots;             /* per pulley */
-  bd_body *bodies;            /* per shaft, then per mount */
-  bd_mount_border *mounts;
-  double *own, *rhs, *matrix;
+  bd_contact_scratch scratch;       /* of contact along the links */
+  bd_slot *slots;                   /* per pulley */
+  bd_body *bodies;                  /* per shaft, mount, rim */
+  bd_axis_border *axes;             /* per pulley */
+  double *own, *rhs, *off, *matrix; /* off: what is to be taken off the right-hand side */
   int *pivots;
   double *by_theta, *by_omega, *by_time; /* of the set torques */
 } bd_newton_system;
@@ -85,14 +85,8 @@ void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c)
 void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c);
 double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
                        double g, double inertia);
-int bd_newton_is_prescribed(const bd_plan *plan, int body);
 /* Behind the last node comes the first, before the first the last. */
 void bd_newton_close(const bd_layout *lay, double *c);
-
-/* Whether a body, shafts first, then mounts, then rims and rings of couplings, is a mount. */
-static inline int bd_is_mount_body(const bd_layout *lay, int body) {
-  return body >= lay->np && body < lay->np + lay->nm;
-}
 
 /* The part of a body's column that the ring takes: T^-1 B, three blocks. */
 static inline double *bd_newton_border(const bd_newton_system *system, int body) {
@@ -119,24 +113,21 @@ typedef struct bd_entries {
 void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, double *c,
                        bd_entries *to);
 
-/* --- mount_border.c -------------------------------------------------------------------------- */
+/* --- axis_border.c --------------------------------------------------------------------------- */
 
-bd_axis bd_mount_axis(const bd_newton_system *system, const bd_plan *plan, int m, double g);
-/* After the fill of its pulley: the mount's part of the small matrix. */
-void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m, const bd_axis *axis);
-/* Entry of the small matrix of which a mount is row or column, but for what the links do; bodies
- * are counted shafts first. */
-double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
-                      double g, double inertia);
-/* What c says of a mount, added to the right-hand side of links, to the torque of its pulley, and
- * as its own; states: the force on the belt of the given states of friction. */
-void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, const double *c,
-                      const double states[2], double *torque);
-/* From its acceleration to all its unknowns; then the move of all links against its axis. */
-void bd_mount_finish(const bd_newton_system *system, const bd_plan *plan, int m, double pace,
-                     double *c);
-double *bd_mount_move(const bd_newton_system *system, const bd_plan *plan, int m, const double *c,
-                      double move[4]);
+/* The axis of pulley j; 0: it stands. */
+int bd_axis_at(const bd_newton_system *system, int j, double g, bd_axis *out);
+/* After the fill of pulley j: its axis in the small matrix. */
+void bd_axis_fill(bd_newton_system *system, const bd_layout *lay, int j, const bd_axis *at);
+/* In an entry of the small matrix what contact has to do with an axis that moves. */
+double bd_axis_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column);
+/* What c says of the body with which the axis of pulley j moves, into right-hand sides; states: the
+ * force on the belt of the given states of friction. */
+void bd_axis_product(bd_newton_system *system, const bd_plan *plan, int j, const double *c,
+                     const double states[2]);
+/* The move of all links against an axis. */
+double *bd_axis_move(const bd_plan *plan, const bd_moving_axis *axis, const double *c,
+                     double move[4]);
 
 typedef struct bd_stepper bd_stepper;
 
@@ -267,6 +258,8 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
 void bd_stepper_weigh(bd_stepper *stepper);
 /* The weights of friction again, after links have come to a pulley or left one. */
 void bd_stepper_weigh_friction(bd_stepper *stepper);
+/* Set torques at any time, in the present piece, and state. */
+int bd_stepper_torque(bd_stepper *stepper, double t, const double *y, double *torque);
 /* Rate at any time and state; counted. */
 int bd_stepper_rate(bd_stepper *stepper, double t, double *y, double *dy);
 /* The rate at y, where it is not known yet, into stage[0]. */

@@ -7,6 +7,11 @@
 
 #include "solvers/solvers.h"
 
+/* Between two steps; y_new, y_mid, the Jacobian and all stages but the first are made anew. */
+static void keep_state(bd_carver *carver, const bd_layout *lay, double **state) {
+  bd_keep(carver, (bd_kept){BD_KEPT_BEHIND, state, lay->size * sizeof **state, 0, 0});
+}
+
 void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *model,
                       const bd_method *method, const bd_method *other, const bd_torque *torque) {
   const bd_layout *lay = &model->lay;
@@ -16,6 +21,10 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
     history = other->history > history ? other->history : history;
     implicit |= other->implicit;
   }
+  BD_KEEP_INDEXES(carver, &stepper->n_history, 1, 0, history);
+  BD_KEEP_SPAN(carver, stepper, history_h, report);
+  keep_state(carver, lay, &stepper->y);
+  keep_state(carver, lay, &stepper->stage[0]);
   BD_CARVE(carver, stepper->y, lay->size);
   BD_CARVE(carver, stepper->y_new, lay->size);
   BD_CARVE(carver, stepper->y_mid, lay->size);
@@ -26,6 +35,7 @@ void bd_stepper_carve(bd_carver *carver, bd_stepper *stepper, const bd_model *mo
   }
   for (int k = 0; k < history; ++k) {
     BD_CARVE(carver, stepper->history[k], lay->size);
+    keep_state(carver, lay, &stepper->history[k]);
   }
   if (implicit) {
     bd_newton_carve(carver, &stepper->newton, model);

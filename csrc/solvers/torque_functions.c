@@ -43,6 +43,7 @@ void bd_torque_functions_carve(bd_carver *carver, bd_torque_functions *functions
                               &functions->look};
   double **const kept[] = {&functions->last, &functions->now, &functions->range, &functions->least,
                            &functions->most};
+  BD_KEEP_SPAN(carver, functions, left_out, ranges);
   for (size_t k = 0; k < sizeof scratch / sizeof scratch[0]; ++k) {
     BD_CARVE(carver, *scratch[k], np);
   }
@@ -52,6 +53,12 @@ void bd_torque_functions_carve(bd_carver *carver, bd_torque_functions *functions
 }
 
 /* --- looks ----------------------------------------------------------------------------------- */
+
+int bd_stepper_torque(bd_stepper *stepper, double t, const double *y, double *torque) {
+  const bd_layout *lay = &stepper->model->lay;
+  return bd_torque_set_eval(&stepper->plan.torques, t, stepper->plan.t_piece, y + lay->theta,
+                            y + lay->omega, torque, &stepper->report.failure);
+}
 
 /* Torques at the fraction s of the step, angles and speeds along the straight line. */
 static int torque_along(bd_stepper *stepper, double h, double s, double *torque) {
@@ -80,22 +87,18 @@ static int look_along(bd_stepper *stepper, double h, double tolerance, double *u
   const int np = stepper->model->lay.np;
   const long n = 2 * (long)ceil(0.5 * h / functions->interval);
   double *torque = functions->look, first_deviation = 0.0;
-  int code = torque_along(stepper, h, 0.0, functions->begin);
-  if (code == BD_OK) {
-    code = torque_along(stepper, h, 0.5, functions->middle);
-  }
-  if (code == BD_OK) {
-    code = torque_along(stepper, h, 1.0, functions->end);
-  }
+  BD_TRY(torque_along(stepper, h, 0.0, functions->begin));
+  BD_TRY(torque_along(stepper, h, 0.5, functions->middle));
+  BD_TRY(torque_along(stepper, h, 1.0, functions->end));
   for (int j = 0; j < np; ++j) {
     functions->impulse[j] =
         (functions->begin[j] + functions->end[j]) / (3.0 * (double)n) -
         (functions->begin[j] + 4.0 * functions->middle[j] + functions->end[j]) / 6.0;
   }
-  for (long k = 1; code == BD_OK && k < n; ++k) {
+  for (long k = 1; k < n; ++k) {
     double s = (double)k / (double)n;
-    code = torque_along(stepper, h, s, torque);
-    for (int j = 0; code == BD_OK && j < np; ++j) {
+    BD_TRY(torque_along(stepper, h, s, torque));
+    for (int j = 0; j < np; ++j) {
       double parabola = functions->begin[j] * (1.0 - s) * (1.0 - 2.0 * s) +
                         functions->middle[j] * 4.0 * s * (1.0 - s) +
                         functions->end[j] * s * (2.0 * s - 1.0);
@@ -107,26 +110,23 @@ static int look_along(bd_stepper *stepper, double h, double tolerance, double *u
     }
   }
   *until = 1.0;
-  for (int j = 0; code == BD_OK && j < np; ++j) {
+  for (int j = 0; j < np; ++j) {
     if (speed_error(stepper, j, functions->impulse[j], h) > tolerance) {
       *until = first_deviation > 0.0 ? fmin(first_deviation, 0.5) : 0.5;
     }
   }
-  return code;
+  return BD_OK;
 }
 
 /* --- derivatives ----------------------------------------------------------------------------- */
 
 /* The torque's change over a difference of one angle or speed, into functions->begin. */
 static int change_by(bd_stepper *stepper, double *moving, double step) {
-  const bd_layout *lay = &stepper->model->lay;
   double kept = *moving, *by = stepper->functions.begin;
   *moving = kept + step;
-  int code = bd_torque_set_eval(&stepper->plan.torques, stepper->t, stepper->plan.t_piece,
-                                stepper->y + lay->theta, stepper->y + lay->omega, by,
-                                &stepper->report.failure);
+  int code = bd_stepper_torque(stepper, stepper->t, stepper->y, by);
   *moving = kept;
-  for (int i = 0; code == BD_OK && i < lay->np; ++i) {
+  for (int i = 0; code == BD_OK && i < stepper->model->lay.np; ++i) {
     by[i] -= stepper->functions.now[i];
   }
   return code;
@@ -147,10 +147,7 @@ static int verify(bd_stepper *stepper, double *moving, double wide, double reach
   double *const into[] = {above, below, noise};
   const double steps[] = {wide, -wide, 0.0};
   for (int k = 0; k < 3; ++k) {
-    int code = change_by(stepper, moving, steps[k]);
-    if (code != BD_OK) {
-      return code;
-    }
+    BD_TRY(change_by(stepper, moving, steps[k]));
     memcpy(into[k], functions->begin, (size_t)lay->np * sizeof *above);
   }
   for (int i = 0; i < lay->np; ++i) {
@@ -169,11 +166,10 @@ int bd_torque_functions_derive(bd_stepper *stepper) {
   bd_torque_functions *functions = &stepper->functions;
   bd_torque_set *set = &stepper->plan.torques;
   double *theta = stepper->y + lay->theta, *omega = stepper->y + lay->omega;
-  int code =
-      bd_torque_set_derive(set, stepper->t, stepper->plan.t_piece, theta, omega, functions->now,
-                           system->by_theta, system->by_omega, &stepper->report.failure);
-  if (set->smooth || code != BD_OK) {
-    return code;
+  BD_TRY(bd_torque_set_derive(set, stepper->t, stepper->plan.t_piece, theta, omega, functions->now,
+                              system->by_theta, system->by_omega, &stepper->report.failure));
+  if (set->smooth) {
+    return BD_OK;
   }
   if (functions->left_out > 0) {
     --functions->left_out;
@@ -181,25 +177,23 @@ int bd_torque_functions_derive(bd_stepper *stepper) {
     memset(system->by_omega, 0, (size_t)(lay->np * lay->np) * sizeof *system->by_omega);
     return BD_OK;
   }
-  for (int j = 0; code == BD_OK && j < lay->np; ++j) {
+  for (int j = 0; j < lay->np; ++j) {
     double wide = 0.01 * fmax(fabs(omega[j]), bd_state_scale(stepper->model, F_OMEGA, j));
-    code = verify(stepper, &omega[j], wide, stepper->h, system->by_omega + j);
-    if (code == BD_OK) {
-      wide = 0.01 * bd_state_scale(stepper->model, F_THETA, j);
-      code = verify(stepper, &theta[j], wide, stepper->h * stepper->h, system->by_theta + j);
-    }
+    BD_TRY(verify(stepper, &omega[j], wide, stepper->h, system->by_omega + j));
+    wide = 0.01 * bd_state_scale(stepper->model, F_THETA, j);
+    BD_TRY(verify(stepper, &theta[j], wide, stepper->h * stepper->h, system->by_theta + j));
   }
-  return code;
+  return BD_OK;
 }
 
 int bd_torque_functions_by_time(bd_stepper *stepper, double h) {
   const bd_layout *lay = &stepper->model->lay;
   bd_newton_system *system = &stepper->newton;
   double *over = stepper->functions.begin;
-  int code = bd_torque_set_by_time(
-      &stepper->plan.torques, stepper->t, 0.5 * h, stepper->plan.t_piece, stepper->y + lay->theta,
-      stepper->y + lay->omega, stepper->functions.now, over, &stepper->report.failure);
-  for (int j = 0; code == BD_OK && j < lay->np; ++j) {
+  BD_TRY(bd_torque_set_by_time(&stepper->plan.torques, stepper->t, 0.5 * h, stepper->plan.t_piece,
+                               stepper->y + lay->theta, stepper->y + lay->omega,
+                               stepper->functions.now, over, &stepper->report.failure));
+  for (int j = 0; j < lay->np; ++j) {
     double apart = fabs(system->by_time[j] - over[j]);
     if (apart > 0.5 * fmax(fabs(system->by_time[j]), fabs(over[j])) &&
         speed_error(stepper, j, apart * h, h) >
@@ -207,7 +201,7 @@ int bd_torque_functions_by_time(bd_stepper *stepper, double h) {
       system->by_time[j] = over[j];
     }
   }
-  return code;
+  return BD_OK;
 }
 
 /* Whether the torque at the step's end is not what the derivatives that shaped the step said. */
@@ -215,7 +209,7 @@ static int contradicted(bd_stepper *stepper, double h, double t_new, double tole
   const bd_layout *lay = &stepper->model->lay;
   const bd_newton_system *system = &stepper->newton;
   bd_torque_functions *functions = &stepper->functions;
-  int matters = 0, code = BD_OK;
+  int matters = 0;
   for (int i = 0; i < lay->np; ++i) {
     double predicted = 0.0;
     for (int j = 0; j < lay->np; ++j) {
@@ -228,17 +222,15 @@ static int contradicted(bd_stepper *stepper, double h, double t_new, double tole
     matters |= speed_error(stepper, i, predicted, h) > tolerance;
   }
   if (matters) {
-    code = bd_torque_set_eval(&stepper->plan.torques, t_new, stepper->plan.t_piece,
-                              stepper->y_new + lay->theta, stepper->y_new + lay->omega,
-                              functions->look, &stepper->report.failure);
+    BD_TRY(bd_stepper_torque(stepper, t_new, stepper->y_new, functions->look));
   }
-  for (int i = 0; matters && code == BD_OK && i < lay->np; ++i) {
+  for (int i = 0; matters && i < lay->np; ++i) {
     double predicted = functions->impulse[i];
     double actual = functions->look[i] - functions->now[i] - h * system->by_time[i];
     *wrong |= speed_error(stepper, i, predicted, h) > tolerance &&
               fabs(actual - predicted) > 0.5 * fabs(predicted);
   }
-  return code;
+  return BD_OK;
 }
 
 /* Whether the torque jumps within a step of an explicit method by more than the tolerance allows.
@@ -250,18 +242,18 @@ static int jumps_within(bd_stepper *stepper, double h, double tolerance, int *ju
   const int np = stepper->model->lay.np;
   bd_torque_functions *functions = &stepper->functions;
   const double *begin = functions->now, *end = stepper->plan.torque;
-  int matters = 0, code = BD_OK;
+  int matters = 0;
   for (int j = 0; j < np; ++j) {
     matters |= speed_error(stepper, j, MISSED * (end[j] - begin[j]), h) > tolerance;
   }
   if (matters) {
-    code = torque_along(stepper, h, 0.5, functions->look);
+    BD_TRY(torque_along(stepper, h, 0.5, functions->look));
   }
-  for (int j = 0; matters && code == BD_OK && j < np; ++j) {
+  for (int j = 0; matters && j < np; ++j) {
     const double off = 2.0 * functions->look[j] - (begin[j] + end[j]);
     *jumps |= speed_error(stepper, j, MISSED * off, h) > tolerance;
   }
-  return code;
+  return BD_OK;
 }
 
 /* --- roughness ------------------------------------------------------------------------------- */
@@ -332,17 +324,17 @@ static int change_by_quarters(bd_stepper *stepper, double h) {
   const int np = stepper->model->lay.np;
   double *from = functions->begin, *to = functions->end;
   memset(functions->impulse, 0, (size_t)np * sizeof *functions->impulse);
-  int code = torque_along(stepper, h, 0.0, from);
-  for (int k = 1; code == BD_OK && k <= 4; ++k) {
-    code = torque_along(stepper, h, 0.25 * k, to);
-    for (int j = 0; code == BD_OK && j < np; ++j) {
+  BD_TRY(torque_along(stepper, h, 0.0, from));
+  for (int k = 1; k <= 4; ++k) {
+    BD_TRY(torque_along(stepper, h, 0.25 * k, to));
+    for (int j = 0; j < np; ++j) {
       functions->impulse[j] = fmax(functions->impulse[j], fabs(to[j] - from[j]));
     }
     double *const kept = from;
     from = to;
     to = kept;
   }
-  return code;
+  return BD_OK;
 }
 
 /* Counts the torques that jump, by what would matter over the shortest step. A try of length h that
@@ -354,7 +346,7 @@ static int count_changes(bd_stepper *stepper, double h, double error, const doub
   const bd_torque_functions *functions = &stepper->functions;
   const double tolerance = bd_method_tolerance(stepper->method, stepper->model, stepper->rtol),
                least = shortest_for_jumps(stepper);
-  int code = BD_OK, looked = 0;
+  int looked = 0;
   for (int j = 0; functions->ranges > 1 && j < stepper->model->lay.np; ++j) {
     double change = fabs(other[j] - one[j]);
     double range = fmax(functions->range[j], functions->most[j] - functions->least[j]);
@@ -362,16 +354,13 @@ static int count_changes(bd_stepper *stepper, double h, double error, const doub
           error <= blamed(speed_error(stepper, j, change, 1.0), h))) {
       continue;
     }
-    code = looked ? BD_OK : change_by_quarters(stepper, h);
-    if (code != BD_OK) {
-      return code;
-    }
+    BD_TRY(looked ? BD_OK : change_by_quarters(stepper, h));
     looked = 1;
     if (functions->impulse[j] > 0.5 * change) {
       count_jump(stepper, j, change);
     }
   }
-  return code;
+  return BD_OK;
 }
 
 void bd_torque_functions_before_try(bd_stepper *stepper) {
@@ -413,16 +402,16 @@ int bd_torque_functions_check_step(bd_stepper *stepper, double h, double t_new, 
                                    double *shrink) {
   enum { FIRST = 8, MOST = 4096 };
   bd_torque_functions *functions = &stepper->functions;
-  int code = BD_OK, wrong = 0;
+  int wrong = 0;
   *shrink = 1.0;
   if (stepper->plan.torques.smooth || stepper->plan.pulleys_locked) {
     return BD_OK;
   }
   if (stepper->now->implicit) {
-    code = contradicted(stepper, h, t_new, fmin(tolerance, 1.0), &wrong);
+    BD_TRY(contradicted(stepper, h, t_new, fmin(tolerance, 1.0), &wrong));
   } else if (!stepper->fixed && h > 1.1 * bd_torque_functions_shortest_step(stepper)) {
     int jumps = 0;
-    code = jumps_within(stepper, h, fmin(tolerance, 1.0), &jumps);
+    BD_TRY(jumps_within(stepper, h, fmin(tolerance, 1.0), &jumps));
     *shrink = jumps ? 0.5 : 1.0;
   }
   if (wrong) {
@@ -431,10 +420,10 @@ int bd_torque_functions_check_step(bd_stepper *stepper, double h, double t_new, 
     functions->left_out = functions->next_left_out;
     stepper->jacobian_known = 0;
     *shrink = 0.5;
-  } else if (code == BD_OK && *shrink == 1.0 && h > functions->interval) {
-    code = look_along(stepper, h, fmin(tolerance, 1.0), shrink);
+  } else if (*shrink == 1.0 && h > functions->interval) {
+    return look_along(stepper, h, fmin(tolerance, 1.0), shrink);
   }
-  return code;
+  return BD_OK;
 }
 
 void bd_torque_functions_set_torque(bd_stepper *stepper) {
