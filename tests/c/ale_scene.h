@@ -159,13 +159,13 @@ static int read_scene(scene *s) {
 }
 
 static void make_scene(scene *s) {
-  bd_carver carver = {NULL, NULL, 0, 0};
+  bd_carver carver = {.base = NULL};
   static bd_ale_arc arcs[PULLEYS];
   bd_ale plain;
   for (int pass = 0; pass < 2; ++pass) {
     if (pass == 1) {
       s->block = bd_block_new(carver.used);
-      carver = (bd_carver){s->block, NULL, 0, 0};
+      carver = (bd_carver){.base = s->block};
     }
     double *states[3];
     bd_ale_carve(&carver, &s->ale, &s->drive);
