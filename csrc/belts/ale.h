@@ -51,7 +51,8 @@ typedef struct bd_ale_losses {
   double axial, bending, friction;
 } bd_ale_losses;
 
-/* --- ale_jacobian.c --------------------------------------------------------------------------- */
+/* --- ale_ring.c, ale_jacobian.c
+ * --------------------------------------------------------------------------- */
 
 /* What the rates of a span's ends and of its modes answer: to one more of something. */
 typedef struct bd_ale_answer {
