@@ -84,7 +84,8 @@ typedef struct bd_ale_span {
   X(flow)                                                                                          \
   X(per_stretch) /* J, 1 / lambda */                                                               \
   X(sink)                                                                                          \
-  X(stretch) X(elastic) X(tension)       /* cells: d, lambda, T without damping, T */              \
+  X(stretch)                                                                                       \
+  X(elastic) X(tension)                  /* cells: d, lambda, T without damping, T */              \
       X(pressing) X(bent)                /* H, energy of bending per metre */                      \
       X(force_a) X(force_b)              /* of friction */                                         \
       X(carried_t) X(carried_n) X(total) /* F (u' - u) along t, n; what moves nodes */
@@ -140,11 +141,12 @@ typedef struct bd_ale_ring {
 
 typedef struct bd_ale_kernels {
   /* In this order. Axes into geometry; tension and flow; what of the normal force acts at the ends
-   * of cells (after a step only); friction of an arc [law], which sets the rates of z; all other
+   * of cells (after a step only), and states of friction of belt that is laid on anew (y NULL: at
+   * the start, none); friction of an arc [law], which sets the rates of z; all other
    * rates, and forces on axes. */
   void (*place)(bd_ale *ale);
   void (*stretch)(bd_ale *ale, const bd_ale_state *y);
-  void (*freeze)(bd_ale *ale);
+  void (*freeze)(bd_ale *ale, const bd_ale_state *y);
   void (*rub[BD_N_LAWS])(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy);
   void (*move)(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy);
   /* After a rate: derivatives of friction of an arc [law]. 1 - g J: its factors, solutions. */

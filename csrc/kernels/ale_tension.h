@@ -247,9 +247,21 @@ INLINE void spread_add(const spread *at, double load, double sign, double *carri
   *sum += load * (at->x - at->si / at->beta);
 }
 
+/* Belt that lifts off forgets its friction: where the pressed part of a cell's end has grown, its
+ * states are the mean over what was pressed and what has come, whose states are 0. */
+INLINE void lay_end(const bd_ale_arc *arc, const bd_ale_state *y, int end, int slot, double *share,
+                    double now) {
+  const double was = fmin(*share, 1.0), is = fmin(now, 1.0);
+  const double kept = is > 0.0 ? fmin(1.0, was / is) : 0.0;
+  for (int e = 0; y && kept < 1.0 && e < arc->states; ++e) {
+    y->z[end][e * y->stride + slot] *= kept;
+  }
+  *share = now;
+}
+
 /* W of an arc's cells, by what is carried up to their ends and its mean between. Both stand in
  * force_a, force_b on the way. */
-INLINE void freeze_arc(bd_ale *ale, int j) {
+INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   static const double ROUNDING = 1e-9; /* of differences of lengths */
   const double EI = ale->bending, least = BD_ALE_LEAST * ale->rest, L = arc->radius * arc->wrap;
@@ -278,16 +290,17 @@ INLINE void freeze_arc(bd_ale *ale, int j) {
     spread_add(&at, out, -1.0, &carried[k], &sum[k]);
   }
   for (int k = 0; k < arc->n; ++k) {
+    const int slot = arc->begin + k;
     const double mean = (sum[k + 1] - sum[k]) / part;
     const double a = 2.0 * (mean - carried[k]) / part, b = 2.0 * (carried[k + 1] - mean) / part;
-    ale->share_a[arc->begin + k] = a > ROUNDING ? a : 0.0;
-    ale->share_b[arc->begin + k] = b > ROUNDING ? b : 0.0;
+    lay_end(arc, y, 0, slot, &ale->share_a[slot], a > ROUNDING ? a : 0.0);
+    lay_end(arc, y, 1, slot, &ale->share_b[slot], b > ROUNDING ? b : 0.0);
   }
   carried[arc->n] = sum[arc->n] = 0.0;
 }
 
-static void freeze(bd_ale *ale) {
+static void freeze(bd_ale *ale, const bd_ale_state *y) {
   for (int j = 0; j < ale->np && ale->bending > 0.0; ++j) {
-    freeze_arc(ale, j);
+    freeze_arc(ale, y, j);
   }
 }

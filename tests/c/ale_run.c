@@ -228,7 +228,7 @@ static void run_all(void) {
   long steps = 0, rejected = 0;
   const double begin = now();
   r.kernels->stretch(&s.ale, &s.y);
-  r.kernels->freeze(&s.ale);
+  r.kernels->freeze(&s.ale, NULL);
   while (t < t_end) {
     const double g = 0.25 * h;
     rate(&r, t, x, f0);
@@ -287,7 +287,7 @@ static void run_all(void) {
     bd_ale_scatter(&s.newton, &s.ale, x, &s.y);
     bound_states(&s, mu);
     r.kernels->stretch(&s.ale, &s.y);
-    r.kernels->freeze(&s.ale);
+    r.kernels->freeze(&s.ale, &s.y);
     bd_ale_gather(&s.newton, &s.ale, &s.y, x);
   }
   const double took = now() - begin;

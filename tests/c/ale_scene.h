@@ -279,7 +279,7 @@ static void evaluate(scene *s, const bd_ale_kernels *kernels, int freeze) {
   kernels->place(ale);
   kernels->stretch(ale, &s->y);
   if (freeze) {
-    kernels->freeze(ale);
+    kernels->freeze(ale, NULL);
   }
   for (int j = 0; j < s->np; ++j) {
     kernels->rub[ale->arcs[j].friction.law](ale, j, &s->y, &s->dy);

@@ -113,11 +113,57 @@ static void starts_are_in_balance(void) {
   fclose(file);
 }
 
+/* As H of all spans falls and rises again, belt lifts off and is laid on: it has forgotten its
+ * friction, and what stays on has not. */
+static void belt_that_lifts_off_forgets(void) {
+  static scene s;
+  int lifted = 0, laid = 0, stayed = 0;
+  file = fopen(path, "r");
+  CHECK(file != NULL);
+  while (file && read_scene(&s)) {
+    make_scene(&s);
+    for (int k = 0; k < s.states; ++k) {
+      check_state(&s, k, &bd_ale_baseline);
+    }
+    bd_ale *ale = &s.ale;
+    double before[2][MOST];
+    for (int turn = 0; turn < 2; ++turn) {
+      for (int i = 0; i < s.np; ++i) {
+        ale->spans[i].pressing = turn == 0 ? 0.3 * ale->rest : ale->rest;
+      }
+      memcpy(before[0], ale->share_a, sizeof(double) * (size_t)ale->slots);
+      memcpy(before[1], ale->share_b, sizeof(double) * (size_t)ale->slots);
+      for (int k = 0; k < ale->slots; ++k) {
+        s.y.z[0][k] = s.y.z[1][k] = ale->is_cell[k];
+      }
+      bd_ale_baseline.freeze(ale, &s.y);
+      for (int j = 0; j < s.np && s.drive.bending_stiffness > 0.0; ++j) {
+        const bd_ale_arc *arc = &ale->arcs[j];
+        for (int k = arc->begin; arc->states > 0 && k < arc->begin + arc->n; ++k) {
+          for (int end = 0; end < 2; ++end) {
+            const double now_on = fmin(1.0, (end == 0 ? ale->share_a : ale->share_b)[k]);
+            const double was_on = fmin(1.0, before[end][k]), z = s.y.z[end][k];
+            lifted += now_on == 0.0 && was_on > 0.0;
+            laid += now_on > was_on && was_on > 0.0;
+            stayed += now_on > 0.0 && now_on <= was_on;
+            const double due = now_on == 0.0 ? 0.0 : now_on > was_on ? was_on / now_on : 1.0;
+            CHECK(fabs(z - due) < 1e-12);
+          }
+        }
+      }
+    }
+    bd_block_free(s.block);
+  }
+  fclose(file);
+  CHECK(lifted > 0 && laid > 0 && stayed > 0);
+}
+
 int main(int argc, char **argv) {
   path = argc > 1 ? argv[1] : "ale_cases.txt";
   timed = argc > 2 && strcmp(argv[2], "timed") == 0;
   const int only = argc > 2 && !timed ? 2 : 1;
   static const test tests[] = {{"rates", rates_are_the_oracle_s},
-                               {"starts", starts_are_in_balance}};
-  return run_tests(only, argv + argc - only, tests, 2);
+                               {"starts", starts_are_in_balance},
+                               {"laying", belt_that_lifts_off_forgets}};
+  return run_tests(only, argv + argc - only, tests, 3);
 }
