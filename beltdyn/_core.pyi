@@ -1,7 +1,7 @@
 """The C core's interface to Python: positional, strict. Users should use :mod:`beltdyn`."""
 
 from collections.abc import Collection, Mapping, Sequence
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +21,34 @@ METHODS: tuple[str, ...]  # names of the integration methods, "auto" first
 #: Of the core's effects: name, and what calls for it with spaces between: groups of PARAMETERS,
 #: or gravity, motion, torque, friction; empty: settling alone has it.
 EFFECTS: tuple[tuple[str, str], ...]
+
+class BeltFacts(TypedDict):
+    """What there is to know of a belt model, a row of ``csrc/belts``: ``BD_BELT_FACTS``."""
+
+    name: str
+    text: str
+    nodes: str  # what n_bodies counts
+    note: str  # on results, or empty
+    mesh: str  # of Belt
+    model: str  # of Belt
+    fields: tuple[str, ...]  # of its nodes, in STATE_FIELDS
+    bends: int
+    mounts: int
+    tangents: int
+    stretches: int
+    at_joints: int
+    smooth: int
+    shear: float
+    reach: float
+    least_span: float
+    explicit_share: float
+    error_by_local: float
+    error_by_balance: float
+    implicit_cost: float
+
+BELTS: tuple[BeltFacts, ...]
 MAX_STRAIN: float
+GRAVITY: float  # on a hung weight [N/kg]
 MAX_LINKS: int
 
 def belt_line(
@@ -30,6 +57,9 @@ def belt_line(
     outside: Sequence[bool] | None = None,
     names: Sequence[str | None] | None = None,
 ) -> tuple[tuple[tuple[float, float, float, int], ...], float, int]: ...
+def mount_directions(
+    kind: str, pair: tuple[float, float], centers: ArrayLike, /
+) -> NDArray[np.float64]: ...
 def kernel_level() -> str: ...
 def check_parameter(group: str, name: str, label: str, value: float, /) -> None: ...
 def friction_law(
@@ -91,9 +121,13 @@ class Model:
     @property
     def info(self) -> dict[str, float | int]: ...  # struct bd_info by name
     @property
-    def belt_model(self) -> str: ...  # "links" or "string"
+    def sizes(self) -> dict[str, int]: ...  # values of fields and outputs of each size
+    @property
+    def belt(self) -> str: ...  # name of its row in BELTS
     @property
     def rest(self) -> NDArray[np.float64]: ...  # travels of the mounts in equilibrium
+    @property
+    def mounts(self) -> tuple[dict[str, float], ...]: ...  # numbers as they act: BD_MOUNT_NUMBERS
     @property
     def energy_terms(self) -> tuple[str, ...]: ...  # the columns of output "energy" in its runs
     @property
@@ -102,6 +136,9 @@ class Model:
     def set_going(self, state: StateDict, speed: float) -> dict[str, Any]: ...
     def observe(self, state: StateDict, /) -> dict[str, NDArray[Any]]: ...  # OUTPUTS, one row
     def solve(self, state: StateDict, g: float, c: StateDict) -> dict[str, Any]: ...
+    def jacobian(  # rows, columns, values
+        self, state: StateDict, /
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]: ...
 
 class Simulation:
     """One run. Not to be advanced from two threads at once (RuntimeError)."""

@@ -106,9 +106,9 @@ def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
     masses of a string.
     """
     part = coordinates(params, belt, rows)
-    if params.belt.mesh != "joint" or params.belt_model == "string":
-        return np.stack([part.x, part.y], axis=-1)
-    return joint_points(params, part)
+    if params._belt_facts["at_joints"]:
+        return joint_points(params, part)
+    return np.stack([part.x, part.y], axis=-1)
 
 
 def turns(begin: Array, end: Array) -> Array:
@@ -153,7 +153,7 @@ def _angles(params: Params, arm: Array, on: NDArray[np.bool_], normal: Array) ->
     """Give the angles that links on a pulley stand for (n_t, n_b) [rad]; 0 of those off it."""
     after = np.abs(turns(arm, np.roll(arm, -1, axis=1)))
     angles = np.where(on, 0.5 * (after + np.roll(after, 1, axis=1)), 0.0)
-    if params.belt.mesh != "joint":
+    if not params._belt_facts["smooth"]:
         return angles
     # The first two at an end share the links of which a part may touch. Their forces over that of
     # the third, which is all on the rim, are that part, f + 1/2 of a link under an even pressure.

@@ -11,20 +11,20 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import attrs
 import numpy as np
 
+from . import _core
 from .checks import Array
-from .mounts import Arm, Mount, Slider, axis_direction
+from .mounts import Sprung
 from .naming import label, names_of
 from .parts import Pulley
 from .route import route
 
 __all__ = ["preloaded", "tension_held"]
 
-#: Standard gravity on a hung weight [N/kg], as in ``csrc/model/mount.c``.
-_GRAVITY = 9.80665
 #: To which several mounts must ask for the same tension.
 _AGREE = 1e-3
 #: Steps to the tension that is held, of which the lift of the spans is a function, each of which
@@ -32,21 +32,21 @@ _AGREE = 1e-3
 _STEPS = 50
 
 
-def _holds_none(name: str, mount: Mount, force: float, resisted: float) -> str:
-    is_arm = isinstance(mount, Arm)
-    kind, unit, sign = ("arm", "N m", "counter-clockwise") if is_arm else ("slider", "N", "forward")
+def _holds_none(name: str, mount: Sprung, force: float, resisted: float) -> str:
+    row = mount._row
     if resisted == 0.0:
         why = "its pivot is on the axis, or the belt pulls straight along it"
     elif force == 0.0:
         why = "neither spring nor weight acts on it there"
     else:
         why = (
-            f"its spring and weight, {force:.4g} {unit} ({sign} positive), go with the belt's pull"
+            f"its spring and weight, {force:.4g} {row.force} ({row.sense} positive), go with the "
+            "belt's pull"
         )
     wanted = "" if resisted == 0.0 else f" {'> 0' if resisted > 0.0 else '< 0'}"
     return (
-        f"the {kind} of {name} holds no tension in its place: {why}. Is it a preload{wanted}, or "
-        "the other side of the belt, that is meant? Or give belt.length"
+        f"the {row.name} of {name} holds no tension in its place: {why}. Is it a preload{wanted}, "
+        "or the other side of the belt, that is meant? Or give belt.length"
     )
 
 
@@ -93,7 +93,7 @@ def tension_held(
 
 def _balances(
     pulleys: tuple[Pulley, ...], gravity: tuple[float, float], bending: float
-) -> Iterator[tuple[int, Arm | Slider, float, Callable[[float], float]]]:
+) -> Iterator[tuple[int, Sprung, float, Callable[[float], float]]]:
     """Give each arm and slider with its pulley, its weights, and what of a tension pulls at it.
 
     Weights, hung and its own, are forces (torques) in the sense of the travel; what the belt pulls
@@ -116,11 +116,10 @@ def _balances(
 
     for k, pulley in enumerate(pulleys):
         mount = pulley.mount
-        if not isinstance(mount, (Arm, Slider)):
+        if not isinstance(mount, Sprung):
             continue
-        along = axis_direction(mount, np.array(pulley.center))
-        hung = _GRAVITY * mount.weight if isinstance(mount, Slider) else 0.0
-        weights = hung + mount.mass * float(along @ np.array(gravity))
+        along = mount._direction(np.array(pulley.center))
+        weights = _core.GRAVITY * mount._hung + mount.mass * float(along @ np.array(gravity))
         yield k, mount, weights, functools.partial(pulled, k, along)
 
 
@@ -147,6 +146,7 @@ def preloaded(
         if resisted == 0.0:
             name = label(k, names_of(pulley.name for pulley in pulleys))
             raise ValueError(_holds_none(name, mount, 0.0, resisted))
+        kept: Any = mount
         spring = mount.tension * resisted - weights
-        found[k] = attrs.evolve(found[k], mount=attrs.evolve(mount, tension=None, preload=spring))
+        found[k] = attrs.evolve(found[k], mount=attrs.evolve(kept, tension=None, preload=spring))
     return tuple(found)

@@ -409,8 +409,7 @@ GROUPS: dict[str, type[Group]] = {
 
 def absent_groups(params: Any) -> set[str]:
     """Give the groups that a drive does not have."""
-    has = {"mounts": params.mounted, "couplings": params.coupled}
-    return {group for group, pulleys in has.items() if not pulleys}
+    return {group for _, group, size, *_ in _core.OUTPUTS if params._having.get(size) == ()}
 
 
 def histories(

@@ -10,12 +10,21 @@ from numpy.typing import NDArray
 from . import _core
 from .checks import Array
 from .histories import EnergyLedger
+from .mounts import KINDS
 from .naming import span_name
 from .optional import optional_module
 from .outputs import LEDGER, SPANS
 from .params import Params
 
-__all__ = ["dataset", "described", "mount_kinds", "span_names", "unit_of_mounts"]
+__all__ = [
+    "dataset",
+    "described",
+    "dimensions",
+    "mount_kinds",
+    "places",
+    "span_names",
+    "unit_of_mounts",
+]
 
 #: Dimensions after time, by the sizes of the core's table.
 _DIMENSIONS = {
@@ -53,8 +62,21 @@ def span_names(params: Params) -> list[str]:
 
 
 def mount_kinds(params: Params) -> list[str]:
-    """Give the kinds of the mounts (n_m,): "arm", "slider" or "path"."""
-    return [type(params.pulleys[k].mount).__name__.lower() for k in params.mounted]
+    """Give the kinds of the mounts (n_m,), in words of :data:`beltdyn.mounts.KINDS`."""
+    return [mount._row.name for pulley in params.pulleys if (mount := pulley.mount) is not None]
+
+
+def dimensions(name: str, size: str) -> tuple[str, ...]:
+    """Give the dimensions after time of a history of this size."""
+    return ("joint",) if name.startswith("joints.") else _DIMENSIONS.get(size, ())
+
+
+def places(params: Params) -> dict[str, Sequence[Any]]:
+    """Give what the places along each dimension are called."""
+    links, names = range(params.belt.n_bodies), params.pulley_names
+    parts = {_DIMENSIONS[size][0]: [names[k] for k in ks] for size, ks in params._having.items()}
+    along = {"span": span_names(params), "link": links, "joint": links}
+    return {"pulley": parts["pulley"], **along, **parts, "xy": ["x", "y"]}
 
 
 def described() -> dict[str, tuple[str, str, str]]:
@@ -93,23 +115,11 @@ def dataset(
     variables: dict[str, Any] = {}
     for name, array in arrays.items():
         size, unit, text = rows[name]
-        own: Sequence[str] = _DIMENSIONS.get(size, ()) if array.ndim > 1 else ()
-        if name.startswith("joints."):
-            own = ("joint",)
+        own = dimensions(name, size) if array.ndim > 1 else ()
         if size == "MOUNTS":
             unit = unit_of_mounts(unit, params)
         variables[name] = (("time", *own), array, {"units": unit, "long_name": text})
-    names = params.pulley_names
-    coordinates: dict[str, Any] = {
-        "time": t,
-        "pulley": list(names),
-        "span": span_names(params),
-        "link": range(params.belt.n_bodies),
-        "joint": range(params.belt.n_bodies),
-        "mount": [names[k] for k in params.mounted],
-        "coupling": [names[k] for k in params.coupled],
-        "xy": ["x", "y"],
-    }
+    coordinates: dict[str, Any] = {"time": t, **places(params)}
     used = {dim for dims, *_ in variables.values() for dim in dims} | {"time"}
     found = {
         dim: (dim, list(values) if isinstance(values, range) else values, _labels(dim))
@@ -123,8 +133,9 @@ def dataset(
 
 def unit_of_mounts(unit: str, params: Params) -> str:
     """Give the one of "rad or m" that all mounts have, both if they differ."""
-    kinds, units = set(mount_kinds(params)), unit.split(" or ")
-    return {"arm": units[0], "slider": units[-1]}.get(min(kinds), unit) if len(kinds) == 1 else unit
+    rows = [KINDS[name] for name in mount_kinds(params)]
+    known = None not in (angles := {row.angle for row in rows})
+    return rows[0].unit(unit) if known and len(angles) == 1 else unit
 
 
 def _labels(name: str) -> dict[str, str]:

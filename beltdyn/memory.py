@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -25,36 +25,19 @@ def available() -> int | None:
     return min(known) if known else None
 
 
-def check_samples(
-    n_t: int,
-    n_bodies: int,
-    n_pulleys: int,
-    n_mounts: int,
-    energy_terms: int,
-    friction: bool,
-    names: Collection[str],
-    n_couplings: int = 0,
-) -> int:
+def check_samples(n_t: int, sizes: Mapping[str, int], names: Collection[str], ledger: bool) -> int:
     """Give the memory that the samples of a run need [byte], if it is available, or very little.
 
-    ``energy_terms`` is the number of columns of the ledger, 0: it is not kept. ``names`` are the
-    outputs that the core is asked for.
+    ``sizes`` are those of the drive's model, ``names`` the outputs that the core is asked for.
 
     Raises:
         MemoryError: It is not; the message says what is needed, what is available, what to try.
     """
-    widths = {
-        "LINKS": n_bodies,
-        "FRICTION": n_bodies if friction else 0,
-        "PULLEYS": n_pulleys,
-        "PLANE": 2 * n_pulleys,
-        "MOUNTS": n_mounts,
-        "COUPLINGS": n_couplings,
-        "ENERGY": energy_terms + _LEDGER_COPIES if energy_terms else 0,
-    }
-    sizes = {name: 8 * widths[size] for name, _group, size, *_ in _core.OUTPUTS}
-    sizes |= {"pulley": 4 * n_bodies, "span_tension": 8 * n_pulleys, "across": 8}
-    row = sum(sizes[name] for name in names)
+    columns = sizes["ENERGY"] + _LEDGER_COPIES if ledger else 0
+    widths = {**sizes, "PLANE": 2 * sizes["PLANE"], "ENERGY": columns}
+    bytes_of = {name: 8 * widths[size] for name, _group, size, *_ in _core.OUTPUTS}
+    bytes_of |= {"pulley": 4 * sizes["LINKS"], "span_tension": 8 * sizes["PULLEYS"], "across": 8}
+    row = sum(bytes_of[name] for name in names)
     needed = n_t * row
     there = _lately(available, int(time.monotonic()))
     if there is None or needed > _LITTLE * there:

@@ -9,32 +9,70 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import attrs
 import numpy as np
 
+from . import _core
 from .checks import Array, pair, real, real_array
 from .rules import Printable, Rule, from_table, rules_of
 
 __all__ = [
+    "CLASSES",
+    "KINDS",
     "Arm",
     "Mount",
+    "MountKind",
     "Path",
     "Slider",
-    "axis_direction",
-    "friction_stiffness",
+    "Sprung",
     "mount_or_none",
-    "stop_stiffness",
-    "travel_text",
 ]
 
-#: What ``csrc/model/mount.c`` chooses where it is not given: stops, over what the belt holds the
-#: mount with; the travel in which friction develops, of an arm [rad], of a slider over the radius
-#: of its pulley. tests/test_mounts.py compares them.
-_STOP, _PRESLIDING = 50.0, 0.01
-
 Stops: TypeAlias = tuple[float, float] | None
+
+
+class MountKind(NamedTuple):
+    """A row of the table of mounts, a class each: what the package asks for by it.
+
+    Attributes:
+        name: In the core, in TOML files and in reports.
+        part: What modes call it.
+        angle: Whether its travel is one [rad] or a length [m]; None: the time.
+        force: Unit of what acts on it in the sense of its travel.
+        shown: Factor and unit in which travels are printed.
+        sense: In which they count.
+        remark: What reports say of it.
+        guide: Field of the core's pair, along which it moves.
+        free: Field of the travel at which its spring is unloaded.
+        spring: What reports call the force of its spring.
+    """
+
+    name: str
+    part: str
+    angle: bool | None
+    force: str
+    shown: tuple[float, str]
+    sense: str
+    remark: str
+    guide: str = ""
+    free: str = ""
+    spring: str = "spring"
+
+    @property
+    def moves(self) -> bool:
+        """Whether by what acts on it; else it is prescribed."""
+        return self.angle is not None
+
+    def unit(self, either: str) -> str:
+        """Give that of a travel, a rate or a force, of "rad or m"."""
+        return either.split(" or ")[0 if self.angle else -1]
+
+    def travel_text(self, travel: float) -> str:
+        """Write a travel as an engineer reads it."""
+        factor, unit = self.shown
+        return f"{factor * travel:.4g} {unit}"
 
 
 def _pair(group: str, name: str, unit: str, text: str) -> Rule:
@@ -60,58 +98,64 @@ def _stops(name: str, value: Sequence[float] | None, unit: str) -> Stops:
     return low, high
 
 
-def _arm_stops(value: Sequence[float] | None) -> Stops:
-    return _stops("arm.stops", value, "rad")
+def _stops_of(group: str, unit: str) -> dict[str, Any]:
+    def converter(value: Sequence[float] | None) -> Stops:
+        return _stops(f"{group}.stops", value, unit)
+
+    rule = _pair(group, "stops", unit, _STOPS)
+    return {"converter": converter, "metadata": {"rule": rule}}
 
 
-def _slider_stops(value: Sequence[float] | None) -> Stops:
-    return _stops("slider.stops", value, "m")
+def _unloaded_of(group: str, name: str, unit: str) -> dict[str, Any]:
+    def converter(value: float | None) -> float | None:
+        return None if value is None else real(f"{group}.{name}", value, unit)
+
+    rule = Rule(group, name, "FINITE", unit, _UNLOADED)
+    return {"converter": converter, "metadata": {"rule": rule}}
 
 
-def _free_angle(value: float | None) -> float | None:
-    return None if value is None else real("arm.free_angle", value, "rad")
-
-
-def _free_travel(value: float | None) -> float | None:
-    return None if value is None else real("slider.free_travel", value, "m")
-
-
-class _Sprung(Printable):
-    """What arms and sliders have in common."""
+class Sprung(Printable):
+    """A mount that moves by what acts on it: arms and sliders."""
 
     __slots__ = ()
+    _row: ClassVar[MountKind]
+    mass: float
+    stiffness: float
+    preload: float | None
+    tension: float | None
+    damping: float
+    friction: float
+    stops: Stops
 
     @property
     def _unloaded_at(self) -> float | None:
-        raise NotImplementedError
+        free: float | None = getattr(self, self._row.free)
+        return free
 
-    def _check(self, group: str, unloaded: str) -> None:
-        mount: Any = self
-        if mount.tension is not None:
+    def __attrs_post_init__(self) -> None:
+        group, unloaded = self._row.name, self._row.free
+        if self.tension is not None:
             for name in ("preload", unloaded):
-                if getattr(mount, name) is not None:
+                if getattr(self, name) is not None:
                     raise ValueError(
                         f"{group}.tension and {group}.{name} are both given: the preload follows "
                         "from the tension"
                     )
-        if mount.preload is not None and self._unloaded_at is not None:
+        if self.preload is not None and self._unloaded_at is not None:
             raise ValueError(
                 f"{group}.preload and {group}.{unloaded} are both given: one follows from the "
                 f"other, preload = stiffness * {unloaded}"
             )
-        if self._unloaded_at is not None and mount.stiffness == 0.0:
+        if self._unloaded_at is not None and self.stiffness == 0.0:
             raise ValueError(f"{group}.{unloaded} needs a spring: {group}.stiffness is 0")
 
     def _rows(self) -> list[tuple[str, str, str]]:
         """Leave out what does not apply: of preload and unloaded place one, stops that are none."""
-        mount: Any = self
-        given = ("preload", "tension", "stops")
-        left_out = {name for name in given if getattr(mount, name) is None}
-        if self._unloaded_at is None:
-            left_out |= {"free_angle", "free_travel"}
-        if mount.friction == 0.0:
+        given = ("preload", "tension", "stops", self._row.free)
+        left_out = {name for name in given if getattr(self, name) is None}
+        if self.friction == 0.0:
             left_out |= {"friction_stiffness"}
-        if mount.stops is None:
+        if self.stops is None:
             left_out |= {"stop_stiffness", "stop_damping"}
         return [row for row in Printable._rows(self) if row[0] not in left_out]
 
@@ -124,32 +168,46 @@ class _Sprung(Printable):
         Raises:
             ValueError: It is given by ``tension``.
         """
-        mount: Any = self
-        if mount.tension is not None:
+        if self.tension is not None:
             raise ValueError(
                 "the spring's force follows from mount.tension and the places of the pulleys: "
                 "params.effective_pulleys has it"
             )
         if self._unloaded_at is not None:
-            return float(mount.stiffness * self._unloaded_at)
-        return float(mount.preload or 0.0)
+            return float(self.stiffness * self._unloaded_at)
+        return float(self.preload or 0.0)
 
-    def _numbers(self, group: str) -> tuple[float, ...]:
-        """Give the numbers of the core's struct."""
-        mount: Any = self
-        low, high = mount.stops or (0.0, 0.0)
+    @property
+    def _hung(self) -> float:
+        """Mass hung on it by a rope [kg]."""
+        return float(getattr(self, "weight", 0.0))
+
+    def _directions(self, centers: Array) -> Array:
+        """Give how the axis at each of the centers (n, 2) moves with the travel, a of MODEL 5.
+
+        Of an angle its length, which is the lever of forces on the axis, is the arm's [m]; else 1.
+        """
+        return _core.mount_directions(self._row.name, getattr(self, self._row.guide), centers)
+
+    def _direction(self, center: Array) -> Array:
+        return np.asarray(self._directions(np.reshape(center, (1, 2)))[0])
+
+    def _to_core(self) -> tuple[Any, ...]:
+        group = self._row.name
+        low, high = self.stops or (0.0, 0.0)
         own = {"preload": self.spring_force, "lowest": low, "highest": high}
-        return tuple(
-            own[name] if name in own else float(getattr(mount, name) or 0.0)
+        numbers = tuple(
+            own[name] if name in own else float(getattr(self, name) or 0.0)
             for name in rules_of(group)
         )
+        return group, getattr(self, self._row.guide), numbers
 
 
 _OF_ARM = Rule("arm", "tension", "POSITIVE", "N", _HELD)
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("arm", _PIVOT, _OF_ARM))
-class Arm(_Sprung):
+class Arm(Sprung):
     """An arm that turns about a pivot: a belt tensioner.
 
     It needs something that holds the belt's tension: a spring with a preload, or a stop. The
@@ -182,37 +240,31 @@ class Arm(_Sprung):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _row: ClassVar[MountKind] = MountKind(
+        name="arm",
+        part="arm",
+        angle=True,
+        force="N m",
+        shown=(180.0 / math.pi, "deg"),
+        sense="counter-clockwise",
+        remark="Arms: travel from the drawn place and torques counter-clockwise.",
+        guide="pivot",
+        free="free_angle",
+    )
+
     pivot: tuple[float, float]
     inertia: float
     mass: float = 0.0
     stiffness: float = 0.0
     preload: float | None = None
-    free_angle: float | None = attrs.field(
-        default=None,
-        converter=_free_angle,
-        metadata={"rule": Rule("arm", "free_angle", "FINITE", "rad", _UNLOADED)},
-    )
+    free_angle: float | None = attrs.field(default=None, **_unloaded_of("arm", "free_angle", "rad"))
     tension: float | None = None
     damping: float = 0.0
     friction: float = 0.0
     friction_stiffness: float | None = None
-    stops: Stops = attrs.field(
-        default=None,
-        converter=_arm_stops,
-        metadata={"rule": _pair("arm", "stops", "rad", _STOPS)},
-    )
+    stops: Stops = attrs.field(default=None, **_stops_of("arm", "rad"))
     stop_stiffness: float | None = None
     stop_damping: float | None = None
-
-    def __attrs_post_init__(self) -> None:
-        self._check("arm", "free_angle")
-
-    @property
-    def _unloaded_at(self) -> float | None:
-        return self.free_angle
-
-    def _to_core(self) -> tuple[Any, ...]:
-        return "arm", self.pivot, self._numbers("arm")
 
 
 def _direction(value: Sequence[float]) -> tuple[float, float]:
@@ -226,7 +278,7 @@ _OF_SLIDER = Rule("slider", "tension", "POSITIVE", "N", _HELD)
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("slider", _OF_SLIDER))
-class Slider(_Sprung):
+class Slider(Sprung):
     """A carriage that moves along a line: a take-up, with a spring, a screw or a weight.
 
     Attributes:
@@ -255,6 +307,19 @@ class Slider(_Sprung):
         TypeError, ValueError: A field breaks its rule.
     """
 
+    _row: ClassVar[MountKind] = MountKind(
+        name="slider",
+        part="carriage",
+        angle=False,
+        force="N",
+        shown=(1e3, "mm"),
+        sense="forward",
+        remark="Sliders: travel from the drawn place and forces along their direction.",
+        guide="direction",
+        free="free_travel",
+        spring="spring, hung weight",
+    )
+
     direction: tuple[float, float] = attrs.field(
         converter=_direction, metadata={"rule": _DIRECTION}
     )
@@ -263,31 +328,15 @@ class Slider(_Sprung):
     stiffness: float = 0.0
     preload: float | None = None
     free_travel: float | None = attrs.field(
-        default=None,
-        converter=_free_travel,
-        metadata={"rule": Rule("slider", "free_travel", "FINITE", "m", _UNLOADED)},
+        default=None, **_unloaded_of("slider", "free_travel", "m")
     )
     tension: float | None = None
     damping: float = 0.0
     friction: float = 0.0
     friction_stiffness: float | None = None
-    stops: Stops = attrs.field(
-        default=None,
-        converter=_slider_stops,
-        metadata={"rule": _pair("slider", "stops", "m", _STOPS)},
-    )
+    stops: Stops = attrs.field(default=None, **_stops_of("slider", "m"))
     stop_stiffness: float | None = None
     stop_damping: float | None = None
-
-    def __attrs_post_init__(self) -> None:
-        self._check("slider", "free_travel")
-
-    @property
-    def _unloaded_at(self) -> float | None:
-        return self.free_travel
-
-    def _to_core(self) -> tuple[Any, ...]:
-        return "slider", self.direction, self._numbers("slider")
 
 
 def _times(value: object) -> Array:
@@ -314,6 +363,16 @@ class Path(Printable):
         ValueError: Shapes that do not fit, times that do not increase, a first point that is not
             (0, 0).
     """
+
+    _row: ClassVar[MountKind] = MountKind(
+        name="path",
+        part="axis",
+        angle=None,
+        force="N",
+        shown=(1e3, "mm"),
+        sense="",
+        remark="Paths: distance of the axis from the drawn place.",
+    )
 
     t: Array = attrs.field(converter=_times)
     displacement: Array = attrs.field(converter=_displacement)
@@ -345,67 +404,18 @@ class Path(Printable):
 
     def _to_core(self) -> tuple[Any, ...]:
         # Hashable: settled tensions are kept by the arguments of the core.
-        return "path", tuple(self.t.tolist()), tuple(map(tuple, self.displacement.tolist()))
+        return self._row.name, tuple(self.t.tolist()), tuple(map(tuple, self.displacement.tolist()))
 
 
 Mount: TypeAlias = Arm | Slider | Path
-
-
-def travel_text(mount: Mount, travel: float) -> str:
-    """Write a travel as an engineer reads it: degrees of an arm, millimetres of a slider."""
-    if isinstance(mount, Arm):
-        return f"{math.degrees(travel):.4g} deg"
-    return f"{1e3 * travel:.4g} mm" if isinstance(mount, Slider) else f"at {travel:.4g} s"
-
-
-def axis_direction(mount: Arm | Slider, center: Array) -> Array:
-    """Give how the axis of a pulley at ``center`` moves with the travel, a of MODEL section 5.
-
-    Of an arm its length, which is the lever of forces on the axis, is the arm's [m]; of a slider 1.
-    """
-    if isinstance(mount, Arm):
-        x, y = center - np.array(mount.pivot)
-        return np.array([-y, x])
-    along = np.array(mount.direction)
-    return np.asarray(along / np.hypot(*along))
-
-
-def friction_stiffness(mount: Arm | Slider, radius: float) -> float:
-    """Give the stiffness of a mount's friction before it slides, chosen unless given.
-
-    Args:
-        mount: The mount.
-        radius: Of its pulley [m].
-
-    Returns:
-        Of an arm [N m/rad], of a slider [N/m].
-    """
-    travel = _PRESLIDING if isinstance(mount, Arm) else _PRESLIDING * radius
-    return mount.friction_stiffness or mount.friction / travel
-
-
-def stop_stiffness(
-    mount: Arm | Slider, center: Array, axial_stiffness: float, length: float
-) -> float:
-    """Give the stiffness of a mount's stops, chosen unless given.
-
-    Args:
-        mount: The mount.
-        center: Of its pulley as it is drawn (2,) [m].
-        axial_stiffness: EA of the belt [N].
-        length: Stress-free, of the belt [m].
-
-    Returns:
-        Of an arm [N m/rad], of a slider [N/m].
-    """
-    along = axis_direction(mount, center)
-    held = 4.0 * axial_stiffness / length * float(along @ along)
-    return mount.stop_stiffness or _STOP * held
+#: Classes and their rows by name.
+CLASSES: dict[str, type[Mount]] = {cls._row.name: cls for cls in (Arm, Slider, Path)}
+KINDS: dict[str, MountKind] = {name: cls._row for name, cls in CLASSES.items()}
 
 
 def mount_or_none(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
     """Check the field of a pulley that holds its mount."""
-    if value is not None and not isinstance(value, (Arm, Slider, Path)):
+    if value is not None and not isinstance(value, tuple(CLASSES.values())):
         raise TypeError(
             f"pulley.mount must be an Arm, a Slider, a Path or None, got {type(value).__name__}"
         )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from . import sanity
 from .checks import Array
+from .couplings import OverrunningClutch
 from .gross_slip import durations, gross_slip
 from .naming import span_name
 from .outputs import has, unchecked
@@ -24,10 +25,13 @@ __all__ = ["observe"]
 
 #: A torque this many times 2 T R, what is carried when all tension has gone to one side.
 TORQUE = 10.0
+#: Turned further than this a rim runs, and does not only give way to a belt that is loaded: their
+#: strain of some 1 % moves belts by a few hundredths of a radius [rad].
+TURNED = 0.1
 
 
 def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ...]:
-    """Give the warnings of a run's samples: no_friction, mesh, full_slip, slack_span, units.
+    """Give the warnings of a run's samples: no_friction, mesh, full_slip, slack_span, and so on.
 
     Those alone that show in the outputs that the run was asked for (``Result.unchecked``).
 
@@ -44,8 +48,10 @@ def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ..
             "units": _torques(result, moved),
             "full_slip": _full_slip(result, moved),
             "slack_span": _slack_spans(result),
+            "never_drives": _backward_clutches(result),
         }
-        missing = unchecked(result.outputs, result.params.has_friction)
+        params = result.params
+        missing = unchecked(result.outputs, params.has_friction, bool(params.coupled))
         return tuple(one for code in found if code not in missing for one in found[code])
 
 
@@ -132,6 +138,26 @@ def _tighter(params: Params) -> str:
     if params.belt.preload is not None:
         return "raise belt.preload"
     return "raise the preload (a shorter belt.length)"
+
+
+def _backward_clutches(result: Result) -> Iterator[RunWarning]:
+    """Warn of clutches that are free at every sample under a rim that turns the other way."""
+    params, run = result.params, result.couplings
+    for c, k in enumerate(params.coupled):
+        clutch = params.pulleys[k].coupling
+        if run is None or not isinstance(clutch, OverrunningClutch):
+            continue
+        speed = float(np.mean(run.rim_speed[:, c])) * (-1.0 if clutch.clockwise else 1.0)
+        turned = speed * (result.t[-1] - result.t[0])
+        if turned < -TURNED and not run.transmitted[:, c].any():
+            drives = "clockwise" if clutch.clockwise else "counter-clockwise"
+            yield RunWarning(
+                code="never_drives",
+                text=f"the clutch of {params.label(k)} drives nothing: its rim turns with "
+                f"{abs(speed):.3g} rad/s the other way than {drives}, in which the clutch drives: "
+                f"is clockwise={not clutch.clockwise} meant?",
+                where=params.label(k),
+            )
 
 
 def _slack_spans(result: Result) -> Iterator[RunWarning]:

@@ -32,6 +32,7 @@ _LOOKED_FOR = {
         "contact.velocity",
     ),
     "slack_span": (SPANS,),
+    "never_drives": ("couplings.transmitted", "couplings.rim_speed"),
 }
 _OF_SPANS = ("contact.pulley", "joints.force")
 
@@ -102,12 +103,15 @@ def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
     return tuple(sorted(needed | set(EVERY_RUN)))
 
 
-def unchecked(names: Collection[str] | None, friction: bool) -> tuple[str, ...]:
+def unchecked(
+    names: Collection[str] | None, friction: bool, couplings: bool = False
+) -> tuple[str, ...]:
     """Give the codes of warnings that are not looked for, for want of outputs.
 
-    ``friction``: whether the drive has any; one kind of warning concerns drives with, one without.
+    ``friction``, ``couplings``: whether the drive has any; kinds of warnings concern these drives.
     """
     possible = set(_LOOKED_FOR) - {"no_friction" if friction else "full_slip"}
+    possible -= set() if couplings else {"never_drives"}
     return tuple(
         code
         for code, needs in _LOOKED_FOR.items()

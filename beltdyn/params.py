@@ -15,8 +15,8 @@ from . import _core, balance, html, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, Frictionless, law_or_none
-from .mounts import Path, travel_text
-from .parts import Belt, Contact, Pulley, as_pulleys
+from .mounts import Path, Sprung
+from .parts import BELTS, Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .run_warnings import RunWarning
@@ -74,6 +74,10 @@ class Params:
             values = (getattr(source, name) for name in rules_of(group))
             return tuple(int(value) if isinstance(value, bool) else value for value in values)
 
+        def parts(pulleys: tuple[Pulley, ...], name: str) -> tuple[Any, ...]:
+            found = [getattr(pulley, name) for pulley in pulleys]
+            return tuple(None if part is None else part._to_core() for part in found)
+
         _, *belt = numbers("belt", self.belt)
         scene = (
             tuple(belt),
@@ -87,26 +91,13 @@ class Params:
                 None if pulley.drag is None else numbers("drag", pulley.drag)
                 for pulley in self.pulleys
             ),
-            tuple(
-                None if pulley.friction is None else pulley.friction._to_core()
-                for pulley in self.pulleys
-            ),
+            parts(self.pulleys, "friction"),
             self.belt.mesh,
             tuple(pulley.side == "outside" for pulley in self.pulleys),
             tuple(pulley.name for pulley in self.pulleys),
-            tuple(
-                None if pulley.mount is None else pulley.mount._to_core()
-                for pulley in self.effective_pulleys
-            )
-            if self.mounted
-            else None,
+            parts(self.effective_pulleys, "mount") if self.mounted else None,
             self.belt.model,
-            tuple(
-                None if pulley.coupling is None else pulley.coupling._to_core()
-                for pulley in self.pulleys
-            )
-            if self.coupled
-            else None,
+            parts(self.pulleys, "coupling") if self.coupled else None,
         )
         object.__setattr__(self, "_scene", scene)
         # Whatever is wrong is said now; a length that takes settling is found when it is needed.
@@ -211,7 +202,12 @@ class Params:
     @property
     def belt_model(self) -> str:
         """What the belt is made of: "links" or, without bending, "string" (``belt.model``)."""
-        return self._model.belt_model
+        return self._belt_facts["model"]
+
+    @property
+    def _belt_facts(self) -> _core.BeltFacts:
+        """What sets its belt model apart from others."""
+        return BELTS[self._model.belt]
 
     @property
     def effective_belt(self) -> Belt:
@@ -289,9 +285,22 @@ class Params:
         return tuple(k for k, pulley in enumerate(self.pulleys) if pulley.mount is not None)
 
     @property
+    def _moving(self) -> tuple[tuple[int, int, Sprung], ...]:
+        """Of the mounts that move by what acts on them: index, that of the pulley, mount."""
+        pulleys = self.effective_pulleys
+        mounts = [(m, k, pulleys[k].mount) for m, k in enumerate(self.mounted)]
+        return tuple((m, k, mount) for m, k, mount in mounts if isinstance(mount, Sprung))
+
+    @property
     def coupled(self) -> tuple[int, ...]:
         """Indices of the pulleys with a coupling, in the order of ``State.rim_speed``."""
         return tuple(k for k, pulley in enumerate(self.pulleys) if pulley.coupling is not None)
+
+    @functools.cached_property
+    def _having(self) -> dict[str, tuple[int, ...]]:
+        """Indices of the pulleys that have what a size of the core's tables counts, by size."""
+        every = tuple(range(len(self.pulleys)))
+        return {"PULLEYS": every, "PLANE": every, "MOUNTS": self.mounted, "COUPLINGS": self.coupled}
 
     @property
     def shaft_inertias(self) -> Array:
@@ -375,15 +384,14 @@ class Params:
         rows = {name: others for name, *others in self.effective_belt._rows()}
         if self.belt.model == "auto":
             rows["model"][0] = f"auto ({self.belt_model})"
-        if self.belt_model == "string":
-            rows["n_bodies"][1] = "number of point masses, n_b"
+        if (nodes := self._belt_facts["nodes"]) != "links":
+            rows["n_bodies"][1] = f"number of {nodes}, n_b"
         return [(f"belt.{name}", quantity, text) for name, (quantity, text) in rows.items()]
 
     def _mounts_at_rest(self) -> list[str]:
+        travel = self._model.rest
         rest = [
-            f"{self.label(k)} {travel_text(mount, q)}"
-            for k, q in zip(self.mounted, self._model.rest, strict=True)
-            if (mount := self.pulleys[k].mount) is not None and not isinstance(mount, Path)
+            f"{self.label(k)} {mount._row.travel_text(travel[m])}" for m, k, mount in self._moving
         ]
         return [f"mounts rest at {', '.join(rest)} from their places"] if rest else []
 
@@ -456,13 +464,10 @@ class Params:
         if self.friction is not None:
             document["friction"] = toml.unstructure(self.friction)
         for pulley, table in zip(self.pulleys, document["pulleys"], strict=True):
-            if pulley.friction is not None:
-                table["friction"] = toml.unstructure(pulley.friction)
-            if pulley.mount is not None:
-                fields = toml.unstructure(pulley.mount)
-                table["mount"] = {k: v for k, v in fields.items() if v is not None}
-            if pulley.coupling is not None:
-                table["coupling"] = toml.unstructure(pulley.coupling)
+            for name in ("friction", "mount", "coupling"):
+                if (part := getattr(pulley, name)) is not None:
+                    fields = toml.unstructure(part)
+                    table[name] = {k: v for k, v in fields.items() if v is not None}
         return document
 
 

@@ -14,19 +14,22 @@ from typing import Any
 
 import attrs
 
+from . import _core
 from .couplings import Coupling, TorsionalDamper, coupling_or_none
 from .friction import Friction, law_or_none
 from .mounts import Mount, mount_or_none
 from .naming import as_name, names_of
 from .rules import Printable, Rule, from_table, instance_of, with_choice
 
-__all__ = ["Belt", "Contact", "Drag", "Pulley", "as_pulleys"]
+__all__ = ["BELTS", "Belt", "Contact", "Drag", "Pulley", "as_pulleys"]
 
 _PRELOAD = Rule("belt", "preload", "POSITIVE", "N", "mean tension of the belt at rest")
 _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 
-MESHES = ("joint", "paper")
-BELT_MODELS = ("auto", "links", "string")
+#: Belt models by name.
+BELTS = {row["name"]: row for row in _core.BELTS}
+MESHES = tuple(dict.fromkeys(row["mesh"] for row in _core.BELTS))
+BELT_MODELS = ("auto", *dict.fromkeys(row["model"] for row in _core.BELTS))
 SIDES = ("inside", "outside")
 
 

@@ -29,7 +29,6 @@ from .histories import (
     absent_groups,
     histories,
 )
-from .mounts import Mount, Path, travel_text
 from .naming import span_name, with_names
 from .outputs import has
 from .params import Params
@@ -37,8 +36,8 @@ from .places import AlongBelt, along, momentum_flux, routes
 from .report import Report, creep_of, make_report, speed_errors
 from .rounding import rounded
 from .run_warnings import RunWarning
-from .sanity import PAPERS_MESH, bodies
-from .spans import span_tension
+from .sanity import bodies
+from .spans import has_angles, span_tension
 from .state import State
 
 __all__ = ["Result"]
@@ -276,7 +275,7 @@ class Result:
         """Give :meth:`along_belt` at some of the samples."""
         group, _, field = name.partition(".")
         values = getattr(getattr(self, group), field)[rows]
-        needed = ("x", "y") if self.params.belt_model == "string" else ("x", "y", "phi")
+        needed = ("x", "y", "phi") if has_angles(self.params) else ("x", "y")
         belt = {one: getattr(self.belt, one)[rows] for one in needed}
         travel = self._travel()
         travel = None if travel is None else travel[rows]
@@ -425,13 +424,13 @@ class Result:
                 error = of_tension and of_tension * abs(float(np.nanmean(means)))
                 tensions = listed(means, error, spans, " N")
                 rows.append(("  span tensions", tensions))
-            moving = [(m, k) for m, k in enumerate(self.params.mounted) if self._moves(k)]
+            moving = self.params._moving
             if self.mounts is not None and moving and self._has("mounts.travel"):
                 travel = mean_over(weights, self.mounts.travel[late])
-                for m, _ in moving:  # two spans of the belt move it
+                for m, *_ in moving:  # two spans of the belt move it
                     if of_tension:
                         travel[m] = rounded(travel[m], 2.0 * of_tension * abs(travel[m]))[0]
-                texts = [f"{names[k]}: {travel_text(self._mount(k), travel[m])}" for m, k in moving]
+                texts = [f"{names[k]}: {on._row.travel_text(travel[m])}" for m, k, on in moving]
                 rows.append(("  mounts, from their places", ", ".join(texts)))
             driver, lost = creep_of(self) if self._has("pulleys.omega") else ("", [])
             if lost:
@@ -449,23 +448,14 @@ class Result:
                     against = f"  speed lost against {names[0]}"
                     rows.append((against, listed(100 * slip, None, names[1:], " %")))
         rows += self.accuracy.summary()
-        if self.params.belt.mesh == "paper":
-            rows.append(("  mesh", PAPERS_MESH))
+        if note := self.params._belt_facts["note"]:
+            rows.append(("  mesh", note))
         if self.t.size and self.energy is not None and self._has("energy"):
             residual, passed = self.energy.residual[-1], self.energy.passed[-1]
             share = f"{abs(residual) / passed:.2g} of {passed:.3g} J" if passed > 0 else "nothing"
             rows.append(("  energy unaccounted for", f"{residual:.2g} J, {share} transmitted"))
         rows.append(("CPU time", f"{stats.cpu_time:.3g} s"))
         return rows + (self._of_integrator() if verbose else [])
-
-    def _mount(self, pulley: int) -> Mount:
-        mount = self.params.pulleys[pulley].mount
-        assert mount is not None
-        return mount
-
-    def _moves(self, pulley: int) -> bool:
-        """Whether a pulley with a mount is on an arm or a slider."""
-        return not isinstance(self._mount(pulley), Path)
 
     def _of_integrator(self) -> list[tuple[str, str]]:
         stats = self.stats

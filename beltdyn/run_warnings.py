@@ -57,6 +57,8 @@ class RunWarning:
         full_slip     a pulley slips over its whole wrap: more preload, or less torque
         slack_span *  a span without tension: the same; the error is unknown then
         units         a torque far beyond what the belt can transmit: was it given in N mm?
+        never_drives  an overrunning clutch is free all the time under a rim that turns the other
+                      way than it drives: is ``clockwise`` right?
 
     From its steps::
 

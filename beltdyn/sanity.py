@@ -22,7 +22,6 @@ from .rules import rules_of
 from .run_warnings import RunWarning
 
 __all__ = [
-    "PAPERS_MESH",
     "check",
     "describe_mesh",
     "links",
@@ -46,8 +45,6 @@ FINE_MESH = 0.01
 #: as shares of what straight links would add at rest: the medians of 144 meshes of 24 random drives
 #: at speeds that do not matter (below), eight in ten within factors of 2.2 and 3.3 of them.
 JOINT_ERRORS = {"tension": 1.0 / 15.0, "span_mean": 1.0 / 30.0}
-#: What is said of the mesh that the paper's scenes have.
-PAPERS_MESH = 'The mesh is the paper\'s, kept to reproduce it; mesh="joint" has no such error'
 #: How much of what bending takes off the blows of links that land, per EI / (T l0^2): measured, on
 #: the drives of benchmarks/mesh_estimate.py.
 BENDING = 12.0
@@ -95,7 +92,7 @@ class Drive(compliance.Drive, Protocol):
     """The part of :class:`beltdyn.Params` that is checked; it imports this module to print them."""
 
     @property
-    def belt_model(self) -> str: ...
+    def _belt_facts(self) -> _core.BeltFacts: ...
     @property
     def contact(self) -> Contact: ...
     @property
@@ -152,7 +149,7 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
         pull: Largest difference of the tensions on two sides of a pulley [N].
     """
     info = params.info
-    if params.belt.mesh == "paper":
+    if params._belt_facts["tangents"]:
         found = dict.fromkeys(JOINT_ERRORS, mesh_share(params))
     else:
         polygon = (
@@ -222,7 +219,7 @@ def mesh_loss(params: Drive, contact: float, friction: float) -> float:
         friction: Lost to friction [W].
     """
     lie = params.route.wraps * _radii(params) / params.info["link_length"]
-    raised = mesh_share(params) if params.belt.mesh == "paper" else 0.0
+    raised = mesh_share(params) if params._belt_facts["tangents"] else 0.0
     return abs(contact) + abs(friction) * (1.0 / float(lie.min()) + raised)
 
 
@@ -232,8 +229,7 @@ def _radii(params: Drive) -> Array:
 
 def bodies(params: Drive) -> str:
     """Say of how many links, or point masses, the belt is made."""
-    name = "point masses" if params.belt_model == "string" else "links"
-    return f"{params.belt.n_bodies} {name}"
+    return f"{params.belt.n_bodies} {params._belt_facts['nodes']}"
 
 
 def describe_mesh(params: Drive) -> str:
@@ -245,7 +241,7 @@ def describe_mesh(params: Drive) -> str:
         f"links that land add as much at {fast:.2g} m/s, four times that at twice the speed, "
         f"loads up to {percent(1.0 / belt.n_bodies)}"  # all the tension: mesh_error, pull 2 T
     )
-    if belt.mesh == "paper":
+    if params._belt_facts["tangents"]:
         strain = float(params.info["mesh_strain"])
         return (
             f"{belt.n_bodies} straight links, longer than their arcs, add {percent(strain)} of "
@@ -286,7 +282,7 @@ def of_mesh(
         landing: The part of it that is of links that land.
         speed: Of the belt, in a run [m/s].
     """
-    rest, paper = mesh_error(params)["span_mean"], params.belt.mesh == "paper"
+    rest, facts = mesh_error(params)["span_mean"], params._belt_facts
     when, error = (" at rest", rest) if error is None else ("", error)
     if error < MESH:
         return
@@ -297,18 +293,18 @@ def of_mesh(
         lost = ", losses in the contact are of these blows"
     elif ends > rest:
         why = f"{bodies(params)} are few for this load, which takes a part of a link of each arc"
-    elif paper:
+    elif facts["tangents"]:
         why = f"{params.belt.n_bodies} straight links are longer than the arcs they lie on"
     else:
         why = f"{bodies(params)} are few for pulleys as small as these"
     # square / finer^2 + ends / finer = allowed; tan a / a - 1 falls faster: it is enough
-    allowed, square = MESH if paper else FINE_MESH, error - ends
+    allowed, square = MESH if facts["tangents"] else FINE_MESH, error - ends
     finer = (ends + math.hypot(ends, 2.0 * math.sqrt(square * allowed))) / (2.0 * allowed)
     yield RunWarning(
         code="mesh",
         text=f"{why}: the mesh alone may put mean tensions off by some {percent(error)}{when}"
         f"{lost}; {links(params.belt.n_bodies * finer)} makes tensions right to about "
-        f"{percent(allowed)}{when}" + (f". {PAPERS_MESH}" if paper else ""),
+        f"{percent(allowed)}{when}" + (f". {facts['note']}" if facts["note"] else ""),
         accuracy=True,
     )
 

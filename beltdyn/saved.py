@@ -16,6 +16,7 @@ from . import _core, npz
 from .accuracy_report import WORDS, Accuracy, QuantityError
 from .exported import RESULTS
 from .histories import GROUPS, Stats, absent_groups
+from .labelled import described
 from .outputs import LEDGER, SPANS, chosen
 from .params import Params
 from .run_warnings import RunWarning
@@ -246,18 +247,11 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
     kept = meta["outputs"]
     with_energy = any(name.startswith("energy.") for name in values) if kept is None else True
-    n_m, n_c = len(params.mounted), len(params.coupled)
     left_out = ({"energy"} if not with_energy else set()) | absent_groups(params)
-    sizes = {"PULLEYS": n_p, "MOUNTS": n_m, "COUPLINGS": n_c}
+    sizes = {size: len(pulleys) for size, pulleys in params._having.items()}
+    rows = described()
 
     def history(group: str) -> dict[str, NDArray[Any]]:
-        shapes = {
-            "pulleys": (t.size, n_p),
-            "mounts": (t.size, n_m),
-            "couplings": (t.size, n_c),
-            "energy": (t.size,),
-        }
-        of_group = shapes.get(group, (t.size, n_b))
         arrays = {}
         for field in GROUPS[group].array_names():
             name = f"{group}.{field}"
@@ -267,10 +261,12 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
                     raise ValueError(f"{name} does not belong there: it was not asked for")
                 continue
             kind = np.int32 if name == "contact.pulley" else np.float64
-            shape = (t.size, n_p, 2) if name == "pulleys.load" else of_group
+            size = rows[name][0]
+            own = () if group == LEDGER else (sizes.get(size, n_b),)
+            shape = (t.size, *own, 2) if size == "PLANE" else (t.size, *own)
             arrays[field] = npz.number_array(name, values[name], kind, shape)
             beyond = not meta["success"] and (
-                name in _MAY_OVERFLOW or group in ("mounts", "couplings", "energy")
+                name in _MAY_OVERFLOW or size in PARTS or group == LEDGER
             )
             if not beyond and not np.isfinite(arrays[field]).all():
                 raise ValueError(f"{name} must be finite")

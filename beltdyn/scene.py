@@ -38,6 +38,7 @@ class Scene(NamedTuple):
         as_motions(self.motion, self.params.pulley_names)
 
     def __str__(self) -> str:
+        self.check()
         motions = "".join(
             f"\n  motion of {label(pulley, self.params.pulley_names)}: {described(motion)}"
             for pulley, motion in (self.motion or {}).items()

@@ -326,16 +326,7 @@ def _simulate(
     terms = as_terms(torque_fn, params.pulley_names)
     motions = as_motions(motion, params.pulley_names)
     names = of_core(outputs, options["ledger"])
-    needed = memory.check_samples(
-        times.size,
-        params.belt.n_bodies,
-        len(params.pulleys),
-        n_mounts=len(params.mounted),
-        n_couplings=len(params.coupled),
-        energy_terms=len(params._model.energy_terms) if options["ledger"] else 0,
-        friction=params.has_friction,
-        names=names,
-    )
+    needed = memory.check_samples(times.size, params._model.sizes, names, options["ledger"])
 
     # Before settling, which may take long, and may fail for the very reason they name.
     of_drive = tuple(one for one in params._noticed if one.code != "mesh")
@@ -412,7 +403,7 @@ def _simulate(
             params=params,
             prescribed=tuple(params.pulley_names[k] for k in motions),
             outputs=outputs,
-            unchecked=unchecked(outputs, params.has_friction),
+            unchecked=unchecked(outputs, params.has_friction, bool(params.coupled)),
             final_state=State._from_core(sim.state()),
         )
         if expected is not None:

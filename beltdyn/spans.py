@@ -11,7 +11,14 @@ from . import _core
 from .checks import Array
 from .params import Params
 
-__all__ = ["Coordinates", "coordinates", "joint_points", "mid_span", "span_tension"]
+__all__ = [
+    "Coordinates",
+    "coordinates",
+    "has_angles",
+    "joint_points",
+    "mid_span",
+    "span_tension",
+]
 
 
 def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Array:
@@ -58,20 +65,24 @@ class Coordinates(NamedTuple):
 
 
 def coordinates(params: Params, belt: Line, rows: slice) -> Coordinates:
-    """Give those of some samples; of a string phi, on which no place depends, is not asked for."""
-    string = params.belt_model == "string"
+    """Give those of some samples; phi is not asked for where no place depends on it."""
     x, y = belt.x[rows], belt.y[rows]
-    return Coordinates(x, y, np.zeros_like(x) if string else belt.phi[rows])
+    return Coordinates(x, y, belt.phi[rows] if has_angles(params) else np.zeros_like(x))
+
+
+def has_angles(params: Params) -> bool:
+    """Tell whether the belt's nodes have angles of their own: links have, point masses have not."""
+    return "phi" in params._belt_facts["fields"]
 
 
 def joint_points(params: Params, belt: Line) -> Array:
     """Give where the joints are, each on the left of its link (n_t, n_b, 2) [m].
 
-    Between the right end of link i - 1 and the left end of link i; of a string the middle of the
-    bar between its masses.
+    Between the right end of link i - 1 and the left end of link i; of point masses the middle of
+    the bar between them.
     """
     centre = np.stack([belt.x, belt.y], axis=-1)
-    half = 0.0 if params.belt_model == "string" else 0.5 * params.info["link_length"]
+    half = 0.5 * params.info["link_length"] if has_angles(params) else 0.0
     tip = half * np.stack([np.cos(belt.phi), np.sin(belt.phi)], axis=-1)
     return np.asarray(0.5 * (centre - tip + np.roll(centre + tip, 1, axis=1)))
 

@@ -27,16 +27,16 @@ SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
 #: Those that can have several rows, each of all links.
 ROWS = ("STATES", "SLOTS")
 #: Which array of a size says how many values there are.
-_FIRST = {"PULLEYS": "theta", "MOUNTS": "travel", "COUPLINGS": "rim_angle"}
+_FIRST = {size: name for name, size in reversed(SIZES.items())} | dict.fromkeys(ROWS, "x")
 #: Those that only some drives have.
-PARTS = ("MOUNTS", "COUPLINGS")
+PARTS = tuple(size for size in _FIRST if size not in ("LINKS", "PULLEYS", *ROWS))
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
     """Give every field its converter, and check arrays against the size of x or theta."""
 
     def array(name: str) -> dict[str, Any]:
-        like = _FIRST.get(SIZES[name], "x")
+        like = _FIRST[SIZES[name]]
         several = SIZES[name] in ROWS
 
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
@@ -216,14 +216,9 @@ class State:
 
     def check_fits(self, params: Params, argument: str = "initial") -> None:
         """Raise ValueError unless the state can be one of a drive, by its shapes and clutches."""
-        sizes = {
-            "PULLEYS": len(params.pulleys),
-            "MOUNTS": len(params.mounted),
-            "COUPLINGS": len(params.coupled),
-        }
         for name, size in SIZES.items():
-            shape = getattr(self, name).shape
-            expected = (sizes.get(size, params.belt.n_bodies),)
+            shape, having = getattr(self, name).shape, params._having.get(size)
+            expected = (params.belt.n_bodies if having is None else len(having),)
             if shape[-1:] != expected:
                 raise ValueError(f"{argument}.{name} must have shape {expected}, got {shape}")
         for k, windup in zip(params.coupled, self.windup, strict=True):

@@ -11,7 +11,8 @@ import os
 import re
 import tomllib
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
+from operator import eq
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, cast, get_args, get_origin
 
@@ -24,8 +25,8 @@ from .couplings import Coupling, Isolator, OverrunningClutch, TorsionalDamper
 from .friction import LAWS, Friction, Frictionless
 from .loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
 from .motions import AngleTable, CrankMotion
-from .mounts import Arm, Mount, Slider, Stops
-from .mounts import Path as AxisPath
+from .mounts import CLASSES as MOUNTS
+from .mounts import Mount, Stops
 from .naming import PulleyLike
 from .tensioning import Offsets
 from .torques import PiecewiseLinear, Torque, Viscous
@@ -50,19 +51,23 @@ _MOTIONS: dict[str, type] = {
     "crank": CrankMotion,
     "angle_table": AngleTable,
 }
-_MOUNTS: dict[str, type] = {"arm": Arm, "slider": Slider, "path": AxisPath}
 _COUPLINGS: dict[str, type] = {
     "isolator": Isolator,
     "clutch": OverrunningClutch,
     "damper": TorsionalDamper,
 }
-_KIND_OF = {
-    cls: kind
-    for kinds in (_FRICTION, _TORQUES, _MOTIONS, _MOUNTS, _COUPLINGS)
-    for kind, cls in kinds.items()
-}
 #: What a motion can be in a file.
 FileMotion: TypeAlias = PiecewiseLinear | CrankMotion | AngleTable
+#: Tables that say what they are by `kind`: what a field of them is declared as, the classes, and
+#: that which is meant without.
+_BY_KIND: tuple[tuple[Any, dict[str, type], str | None], ...] = (
+    (Friction | None, _FRICTION, "dahl"),
+    (Mount | None, MOUNTS, None),
+    (Coupling | None, _COUPLINGS, None),
+    (Torque, _TORQUES, None),
+    (FileMotion, _MOTIONS, None),
+)
+_KIND_OF = {cls: kind for _, kinds, _ in _BY_KIND for kind, cls in kinds.items()}
 #: Fields of a scene besides the tables of its drive.
 SCENE_ONLY = ("t_end", "torque")
 
@@ -138,17 +143,8 @@ def _converter() -> Any:
     )
     converter.register_structure_hook_factory(attrs.has, table_of)
     converter.register_structure_hook_func(_is_list_of_tables, list_of)
-    converter.register_structure_hook_func(
-        lambda kind: kind == (Friction | None), by_kind(_FRICTION, "dahl")
-    )
-    converter.register_structure_hook_func(
-        lambda kind: kind == (Mount | None), by_kind(_MOUNTS, None)
-    )
-    converter.register_structure_hook_func(
-        lambda kind: kind == (Coupling | None), by_kind(_COUPLINGS, None)
-    )
-    converter.register_structure_hook_func(lambda kind: kind is Torque, by_kind(_TORQUES, None))
-    converter.register_structure_hook_func(lambda kind: kind == FileMotion, by_kind(_MOTIONS, None))
+    for declared, kinds, default in _BY_KIND:
+        converter.register_structure_hook_func(partial(eq, declared), by_kind(kinds, default))
     # Also a field of others, which may take a number in its place, or refuse it.
     of_table = table_of(PiecewiseLinear)
     converter.register_structure_hook_func(

@@ -73,16 +73,18 @@ def without_options(tree: Path) -> list[str]:
     curve.write_text(text.replace(condition, "0"))
     taken.append("Stribeck curve")
 
-    effects = tree / "csrc/physics/effects.c"
-    text = effects.read_text()
+    physics = tree / "csrc/physics"
+    row = re.compile(r'^const bd_effect bd_effect_(\w+) = \{\s+\.name = "(.*?)"', re.MULTILINE)
+    rows = {
+        name: one for file in physics.glob("*.c") for one, name in row.findall(file.read_text())
+    }
+    text = (physics / "physics.h").read_text()
     for name, _ in _core.EFFECTS:
         if name not in ALWAYS | SETTLING:
-            text, n = re.subn(
-                rf'    \{{\n        \.name = "{name}",.*?\n    \}},\n', "", text, flags=re.DOTALL
-            )
+            text, n = re.subn(rf"^  X\({rows[name]}\) +\\\n", "", text, flags=re.MULTILINE)
             assert n == 1, name
             taken.append(name)
-    effects.write_text(text)
+    (physics / "physics.h").write_text(text)
 
     changed = 0
     for header in (tree / "csrc/kernels").glob("*.h"):

@@ -344,6 +344,9 @@ def warned() -> dict[str, Callable[[], bd.Params | bd.Result]]:
             plain, pulleys=[*plain.pulleys[:1], attrs.evolve(plain.pulleys[1], **changes)]
         )
 
+    backward = second(coupling=bd.OverrunningClutch(inertia=1e-3, clockwise=True))
+    twenty = {0: bd.PiecewiseLinear([0.0], [20.0])}
+
     def thrown(share: float, **others: Any) -> bd.State:
         wave = math.sqrt(plain.belt.axial_stiffness / plain.belt.linear_density)
         return attrs.evolve(rest, vy=rest.vy + share * wave * np.sign(rest.y), **others)
@@ -390,6 +393,9 @@ def warned() -> dict[str, Callable[[], bd.Params | bd.Result]]:
         "no_friction": run(bd.PiecewiseLinear([0.0], [[0.0, 1.0]]), 0.01, of(friction=None)),
         "full_slip": run(bd.PiecewiseLinear([0.0], [[-300.0, 300.0]]), 0.02),
         "slack_span": run(still, 0.003, initial=thrown(1.0)),
+        "never_drives": run(
+            still, 0.02, backward, initial=bd.settle(backward, speed={0: 20.0}), motion=twenty
+        ),
         "balance": lambda: bd.simulate(
             *bd.scenes.three_pulleys()[:2], 0.5, method="lbdf2", step=4e-4
         ),

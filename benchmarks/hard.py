@@ -29,6 +29,7 @@ import attrs
 import common
 
 import beltdyn as bd
+from beltdyn import parts
 from beltdyn.hard import HardScene
 
 sys.path.insert(0, str(common.HERE.parent / "tests"))
@@ -38,7 +39,7 @@ from hard_outcome import Judge, Outcome
 Record = dict[str, Any]
 Key = tuple[str, str, str]
 METHODS = ("auto", "tsit5", "rk4", "rodas4", "lbdf2", "lie")
-BELTS = ("joint", "string", "paper")
+BELTS = tuple(parts.BELTS)
 #: CPU seconds of a run, of the default method and of the others.
 LIMIT, LIMIT_OTHERS = 30.0, 3.0
 #: Links of a drive whose reference may take the usual number of steps; longer belts have fewer.
@@ -93,9 +94,7 @@ def key_of(record: Record) -> Key:
 
 def own_belt(scene: HardScene) -> str:
     """Which of BELTS the scene has as it is."""
-    if scene.params.belt.mesh == "paper":
-        return "paper"
-    return "string" if scene.params.belt_model == "string" else "joint"
+    return scene.params._belt_facts["name"]
 
 
 def of_belt(scene: HardScene, belt: str) -> HardScene | None:

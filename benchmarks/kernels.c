@@ -132,25 +132,9 @@ static void row_joints(bench *b) {
 }
 
 static void contact(bench *b, int ledger) {
-  bd_plan *plan = &b->plan;
-  for (int j = 0; j < b->model->lay.np; ++j) {
-    bd_sums sums;
-    const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
-    if (b->model->along_links) {
-      plan->kernels->press[ledger](&plan->links, pulley, plan->search.n_runs[j], runs,
-                                   &plan->pressure, &plan->forces, b->y, &sums);
-      if (pulley->law != BD_LAW_NONE) {
-        plan->kernels->rub[pulley->law][ledger](&plan->links, pulley, plan->search.n_runs[j], runs,
-                                                &plan->points, &plan->pressure, &plan->forces, b->y,
-                                                b->stage[0], &sums);
-      }
-    } else {
-      plan->kernels->contact[pulley->law][ledger](&plan->links, pulley, plan->search.n_runs[j],
-                                                  runs, b->y, b->stage[0], &sums);
-    }
-    sink += sums.torque + sums.friction_loss;
-  }
+  b->plan.skip_power = !ledger;
+  bd_effect_contact.rate(&b->plan, 0.0, b->y, b->stage[0], NULL);
+  sink += b->plan.friction[0];
 }
 
 static void row_contact(bench *b) {
@@ -191,49 +175,30 @@ static void row_factor(bench *b) {
 /* The parts of the linear systems that the friction law decides. */
 static void row_add_contact(bench *b) {
   const bd_newton_system *system = &b->newton;
-  const bd_newton_kernels *kernels = b->plan.kernels->newton;
   const bd_fill fill = {b->y, system->stage.g, 0.0, NULL};
   for (int j = 0; j < b->model->lay.np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int n_runs = system->at.n_runs[j];
-    const bd_run *runs = system->at.runs + j * system->at.max_runs;
-    if (b->model->along_links) {
-      sink += kernels
-                  ->fill_pulley[pulley->law](&b->plan.links, &system->at.joints, pulley, n_runs,
-                                             runs, &fill, &system->scratch, &system->blocks,
-                                             &system->slots[j], &system->bodies[j], NULL)
-                  .own;
-    } else {
-      kernels->linearise_contact[pulley->law](&b->plan.links, pulley, n_runs, runs, b->y,
-                                              &system->contact[j], 0.0);
-      sink += kernels->add_contact[bd_law_form(pulley->law)](
-          pulley, n_runs, runs, &system->contact[j], fill.g, &system->ring_blocks,
-          bd_field(&b->model->lay, b->y_new, F_X), bd_field(&b->model->lay, b->y_new, F_Y));
-    }
+    sink += system->kernels
+                ->fill_pulley[pulley->law](
+                    &b->plan.links, &system->at.joints, pulley, system->at.n_runs[j],
+                    system->at.runs + j * system->at.max_runs, &fill, &system->scratch,
+                    &system->blocks, &system->slots[j], &system->bodies[j], NULL)
+                .own;
   }
 }
 
 static void row_finish_contact(bench *b) {
   const bd_newton_system *system = &b->newton;
-  const bd_newton_kernels *kernels = b->plan.kernels->newton;
   const bd_layout *lay = &b->model->lay;
   double *c = b->stage[1];
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int n_runs = system->at.n_runs[j];
-    const bd_run *runs = system->at.runs + j * system->at.max_runs;
-    if (pulley->law == BD_LAW_NONE) {
-      continue;
-    }
-    if (b->model->along_links) {
-      kernels->restore_states(lay, n_runs, runs, pulley->states, &system->slots[j],
-                              b->plan.links.link_mask, 1.0, NULL, bd_cfield(lay, c, F_X),
-                              bd_cfield(lay, c, F_VX),
-                              bd_field(lay, c, bd_f_state(lay, pulley->slot)),
-                              bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
-    } else {
-      kernels->finish_contact[bd_law_form(pulley->law)](
-          lay, pulley, n_runs, runs, &system->contact[j], system->stage.g, 1.0, c);
+    if (pulley->law != BD_LAW_NONE) {
+      system->kernels->restore_states(
+          lay, system->at.n_runs[j], system->at.runs + j * system->at.max_runs, pulley->states,
+          &system->slots[j], b->plan.links.link_mask, 1.0, NULL, bd_cfield(lay, c, F_X),
+          bd_cfield(lay, c, F_VX), bd_field(lay, c, bd_f_state(lay, pulley->slot)),
+          bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
     }
   }
 }

@@ -1,6 +1,6 @@
 """Nanoseconds per link of the core's inner loops, at every kernel level, beside the machine's own.
 
-    python benchmarks/kernels.py [--quick] [--mesh joint] [--write]
+    python benchmarks/kernels.py [--quick] [--mesh joint | string] [--write]
 
 Compiles benchmarks/kernels.c against csrc/ with the flags of setup.py and runs it on the paper's
 case 1 at the state of 0.4 s. For belts of more links this state is interpolated along the belt: on
@@ -33,6 +33,13 @@ CORE = ROOT / "csrc"
 COMPILER = os.environ.get("CC", "cc")
 SIZES = (60, 120, 240, 480, 960, 3840)
 LAW_LINKS = 480  # of the belt on which the laws are compared
+#: What `--mesh` makes of the paper's belt: links that meet pulleys at their centres, or along their
+#: length; without bending, point masses.
+MESHES: dict[str, dict[str, Any]] = {
+    "paper": {"mesh": "paper"},
+    "joint": {"mesh": "joint"},
+    "string": {"mesh": "joint", "bending_stiffness": 0.0, "bending_damping": 0.0},
+}
 #: What the law decides, of the right-hand side and of the linear systems; then whole steps.
 LAW_COLUMNS = {
     "contact": "  contact",
@@ -94,9 +101,11 @@ def compile_benchmark(folder: Path) -> tuple[Path, list[str]]:
 
 
 def circle(radius: float, params: bd.Params, n: int) -> float:
-    """On which the centres of n unloaded links run."""
+    """On which the centres of n unloaded links run, or as many point masses."""
     a = 0.5 * params.belt.length / n / radius
-    return radius if params.belt.mesh == "paper" else float(radius * a / np.tan(a))
+    if params.belt.mesh == "paper":
+        return radius
+    return float(radius * a / (np.sin(a) if params.belt_model == "string" else np.tan(a)))
 
 
 def drawn_out(state: bd.State, params: bd.Params, n: int) -> dict[str, np.ndarray]:
@@ -229,16 +238,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="two sizes, a few repeats")
     parser.add_argument("--write", action="store_true", help="keep the tables under results/")
-    parser.add_argument("--mesh", choices=("paper", "joint"), default="paper")
+    parser.add_argument("--mesh", choices=MESHES, default="paper")
     arguments = parser.parse_args()
     rounds = 15 if arguments.quick else 101
-    sizes = SIZES[:3:2] if arguments.quick else SIZES
+    # drawn out to 3840 links, angles and places of the ends of links no longer belong together
+    sizes = SIZES[:3:2] if arguments.quick else SIZES[: -1 if arguments.mesh == "joint" else None]
 
     warnings.filterwarnings(
         "ignore", "mesh", UserWarning
     )  # the paper's belt has 60 links by design
     scene = bd.scenes.kubas_case_1()
-    belt = attrs.evolve(scene.params.belt, mesh=arguments.mesh)
+    belt = attrs.evolve(scene.params.belt, **MESHES[arguments.mesh])
     scene = scene._replace(params=attrs.evolve(scene.params, belt=belt))
     start = bd.settle(scene.params)
     result = bd.simulate(*scene[:2], 0.4, initial=start, t_eval=[0.4])
@@ -259,7 +269,7 @@ def main() -> None:
                               check=True, stdout=subprocess.PIPE, text=True)  # fmt: skip
     text = "\n".join(
         [
-            f"case 1 at 0.4 s, mesh {arguments.mesh}, two pulleys, friction, bending: inner loops",
+            f"case 1 at 0.4 s, mesh {arguments.mesh}, two pulleys, friction: inner loops",
             machine(flags),
             f"CPU time, medians of {rounds} interleaved repeats",
             *tables(done.stdout.splitlines(), sizes, list(by_name)),
@@ -267,7 +277,7 @@ def main() -> None:
     )
     print(text)
     if arguments.write:
-        target = Path(__file__).parent / "results" / "kernels.txt"
+        target = Path(__file__).parent / "results" / f"kernels_{arguments.mesh}.txt"
         target.parent.mkdir(exist_ok=True)
         target.write_text(text + "\n")
 

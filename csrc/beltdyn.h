@@ -83,6 +83,27 @@ enum { BD_MESH_PAPER, BD_MESH_JOINT };
  * no bending; a string where there is no bending and the mesh is BD_MESH_JOINT, else links. */
 enum { BD_BELT_AUTO, BD_BELT_LINKS, BD_BELT_STRING };
 
+/* The belt models that there are, and what is told of one. */
+enum {
+#define X(symbol) BD_BELT_MODEL_##symbol,
+  BD_BELTS(X)
+#undef X
+      BD_N_BELT_MODELS
+};
+
+typedef struct bd_belt_facts {
+#define X(name, text) const char *name;
+  BD_BELT_TEXTS(X)
+#undef X
+#define X(type, name, text) type name;
+  BD_BELT_FACTS(X)
+#undef X
+  int mesh, model; /* of a bd_belt that asks for it: BD_MESH_..., BD_BELT_... */
+  unsigned fields; /* of BD_STATE_FIELDS, those of LINKS that its nodes have: a bit each */
+} bd_belt_facts;
+
+const bd_belt_facts *bd_belt_facts_at(int row); /* BD_BELT_MODEL_...; NULL: there is none */
+
 #define X(group, name, rule, unit, text) BD_TYPE_##rule name;
 typedef struct bd_belt {
   BD_BELT(X)
@@ -103,24 +124,20 @@ typedef struct bd_contact {
 /* What lets the axis of a pulley move (MODEL section 5): an arm turns about its pivot, a slider
  * goes along its direction (of any length), a path is prescribed: displacements (n_t, 2) from the
  * pulley's center at times t (n_t >= 2, increasing), the first one none, joined by a cubic spline
- * that is at rest at both ends. */
-typedef struct bd_arm {
-  BD_ARM(X)
-} bd_arm;
+ * that is at rest at both ends. Those that move have numbers of their group, the others 0. */
+typedef struct bd_sprung {
+  double inertia, mass, weight;
+  BD_SPRUNG(X, sprung, , , , , )
+} bd_sprung;
 
-typedef struct bd_slider {
-  BD_SLIDER(X)
-} bd_slider;
+typedef bd_sprung bd_arm, bd_slider;
 
-enum { BD_MOUNT_ARM, BD_MOUNT_SLIDER, BD_MOUNT_PATH };
+enum { BD_MOUNT_ARM, BD_MOUNT_SLIDER, BD_MOUNT_PATH }; /* rows of the table in mount.c */
 
 typedef struct bd_mount {
   int kind; /* BD_MOUNT_... */
-  union {
-    bd_arm arm;
-    bd_slider slider;
-  };
-  double pivot[2], direction[2];
+  bd_sprung numbers;
+  double guide[2]; /* pivot or direction */
   size_t n_t;
   const double *t, *displacement; /* copied */
 } bd_mount;
@@ -128,28 +145,30 @@ typedef struct bd_mount {
 /* What joins a pulley's shaft, on which torques, drag and prescribed motions act, to its rim, on
  * which the belt runs (MODEL section 5); of a damper belt and torques act on the pulley, and the
  * ring hangs free. */
-typedef struct bd_isolator {
-  BD_ISOLATOR(X)
-} bd_isolator;
+#define KIND(KIND, name)                                                                           \
+  typedef struct bd_##name {                                                                       \
+    BD_##KIND(X)                                                                                   \
+  } bd_##name;
+BD_COUPLINGS(KIND)
+#undef KIND
 
-typedef struct bd_clutch {
-  BD_CLUTCH(X)
-} bd_clutch;
-
-typedef struct bd_damper {
-  BD_DAMPER(X)
-} bd_damper;
-
-enum { BD_COUPLING_ISOLATOR, BD_COUPLING_CLUTCH, BD_COUPLING_DAMPER };
+enum {
+#define KIND(KIND, name) BD_COUPLING_##KIND,
+  BD_COUPLINGS(KIND)
+#undef KIND
+      BD_N_COUPLINGS
+};
 
 typedef struct bd_coupling {
   int kind; /* BD_COUPLING_... */
   union {
-    bd_isolator isolator;
-    bd_clutch clutch;
-    bd_damper damper;
+#define KIND(KIND, name) bd_##name name;
+    BD_COUPLINGS(KIND)
+#undef KIND
   };
 } bd_coupling;
+
+const char *bd_coupling_name(int kind); /* of its group of parameters; NULL: there is none */
 
 /* A parameter that is a list: of an element of a friction law each; all lists of a law are of one
  * length. */
@@ -235,12 +254,32 @@ typedef struct bd_info {
 } bd_info;
 
 void bd_model_info(const bd_model *model, bd_info *info);
-int bd_model_is_string(const bd_model *model);
+
+enum {
+#define X(size, count) BD_SIZE_##size,
+  BD_SIZES(X)
+#undef X
+      BD_N_SIZES
+};
+
+/* How many values a field or an output of this size has in such a model. */
+size_t bd_size(const bd_info *of, int size);
+const char *bd_size_name(int size); /* NULL past the last */
+
+int bd_model_belt(const bd_model *model); /* row of its belt, BD_BELT_MODEL_... */
 /* Travels of the mounts (n_mounts) in equilibrium with the belt; where there is none
  * (bd_model_check_geometry) those of the scene, 0. Centres of all pulleys (n_p, 2) [m] at travels.
  */
 void bd_model_rest(const bd_model *model, double *travel);
 void bd_model_centers(const bd_model *model, const double *travel, double *centers);
+/* Numbers of mount m as they act, given or chosen. */
+typedef struct bd_mount_numbers {
+#define X(name, text) double name;
+  BD_MOUNT_NUMBERS(X)
+#undef X
+} bd_mount_numbers;
+
+bd_mount_numbers bd_model_mount(const bd_model *model, int m);
 
 /* What messages call a pulley: pulley "crank", or pulley 3 if it has no name. */
 typedef struct bd_label {
@@ -283,9 +322,8 @@ int bd_check_parameter(const char *group, const char *name, const char *label, d
 
 /* --- state ----------------------------------------------------------------------------------- */
 
-/* Arrays owned by the caller, sizes as BD_STATE_FIELDS: n_bodies, n_slots * n_bodies (slot-major;
- * of mu, n_states of each),
- * n_pulleys, n_mounts, n_couplings. phi is continuous: joint 0 carries the winding. */
+/* Arrays owned by the caller, sizes as BD_STATE_FIELDS (bd_size), those of slots slot-major. phi is
+ * continuous: joint 0 carries the winding. */
 typedef struct bd_state {
   double t;
 #define X(symbol, name, size, scale, unit, text) double *name;
@@ -540,7 +578,8 @@ int bd_sim_time_passes(bd_sim *sim, int rounds, bd_pass_time out[BD_MAX_PASSES],
                        bd_error *err);
 
 /* Time derivative of a state under the model (torque as given), laid out as a bd_state; for tests
- * and for other integrators. torque: one value per pulley. */
+ * and for other integrators. torque: one value per pulley. Angles of a string follow from its
+ * places: 0. */
 int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque,
                   bd_state *rate, bd_error *err);
 
@@ -561,6 +600,28 @@ int bd_model_set_going(const bd_model *model, const bd_state *state, double spee
 int bd_model_solve(const bd_model *model, const bd_state *state, double g, const bd_state *c,
                    bd_state *k, bd_error *err);
 
+/* J itself, d(rate)/d(state): entries that are not 0, each once, in no order, of the `size` numbers
+ * that the arrays of a bd_state hold, one after the other in the order of BD_STATE_FIELDS; phi and
+ * vphi of a string, which are no unknowns, have none. One block, to be freed by bd_jacobian_free.
+ */
+typedef struct bd_jacobian {
+  size_t size, n;
+  int64_t *rows, *columns;
+  double *values;
+} bd_jacobian;
+
+int bd_model_jacobian(const bd_model *model, const bd_state *state, bd_jacobian **out,
+                      bd_error *err);
+void bd_jacobian_free(bd_jacobian *jacobian);
+
+/* What a mount is called, by BD_MOUNT_..., NULL: there is none; and the pair that says along what
+ * it moves, NULL: times and displacements do. */
+const char *bd_mount_name(int kind, const char **guide);
+/* How the axis moves with the travel of a mount that has such a pair, from `center` on: [m] of an
+ * angle, its lever; 1 of a length. */
+void bd_mount_direction(const bd_mount *mount, const double center[2], double direction[2]);
+/* Weight of a kilogram hung on a slider [N]. */
+#define BD_GRAVITY 9.80665
 const char *bd_law_name(int law);
 int bd_law_find(const char *name); /* -1: there is none */
 /* The law of a pulley, its coefficient in full slip, and the slip in which friction is fully

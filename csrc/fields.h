@@ -40,31 +40,27 @@
   X(drag, viscous, NONNEGATIVE, "N m s", "viscous bearing drag, torque over speed")                \
   X(drag, quadratic, NONNEGATIVE, "N m s^2", "quadratic bearing drag, over speed squared")
 /* Mounts that move, of an axis: arms and sliders. 0 is a number chosen, of friction_stiffness, of
- * stop_stiffness, and with that of stop_damping; lowest and highest both 0: no stops. */
+ * stop_stiffness, and with that of stop_damping; lowest and highest both 0: no stops. What all of
+ * them have, of a force in the sense of a travel: */
+#define BD_SPRUNG(X, group, unit, way, force, guide, travel)                                       \
+  X(group, stiffness, NONNEGATIVE, unit "/" way, "of the spring, k")                               \
+  X(group, preload, FINITE, unit, force " of the spring in the place of the scene, S_0")           \
+  X(group, damping, NONNEGATIVE, unit " s/" way, "of the damper, d")                               \
+  X(group, friction, NONNEGATIVE, unit, "Dahl friction of the " guide " in full sliding, F_m")     \
+  X(group, friction_stiffness, NONNEGATIVE, unit "/" way,                                          \
+    "of that friction before it slides, kappa")                                                    \
+  X(group, lowest, FINITE, way, travel " of the lower stop from the place of the scene")           \
+  X(group, highest, FINITE, way, travel " of the upper stop")                                      \
+  X(group, stop_stiffness, NONNEGATIVE, unit "/" way, "of a stop, k_s")                            \
+  X(group, stop_damping, NONNEGATIVE, unit " s/" way, "of a stop, d_s")
 #define BD_ARM(X)                                                                                  \
   X(arm, inertia, POSITIVE, "kg m^2", "about the pivot, the pulley's mass included, J")            \
   X(arm, mass, NONNEGATIVE, "kg", "on the pulley's axis, for gravity; part of the inertia")        \
-  X(arm, stiffness, NONNEGATIVE, "N m/rad", "of the spring, k")                                    \
-  X(arm, preload, FINITE, "N m", "torque of the spring in the place of the scene, S_0")            \
-  X(arm, damping, NONNEGATIVE, "N m s/rad", "of the damper, d")                                    \
-  X(arm, friction, NONNEGATIVE, "N m", "Dahl friction of the pivot in full sliding, F_m")          \
-  X(arm, friction_stiffness, NONNEGATIVE, "N m/rad", "of that friction before it slides, kappa")   \
-  X(arm, lowest, FINITE, "rad", "angle of the lower stop from the place of the scene")             \
-  X(arm, highest, FINITE, "rad", "angle of the upper stop")                                        \
-  X(arm, stop_stiffness, NONNEGATIVE, "N m/rad", "of a stop, k_s")                                 \
-  X(arm, stop_damping, NONNEGATIVE, "N m s/rad", "of a stop, d_s")
+  BD_SPRUNG(X, arm, "N m", "rad", "torque", "pivot", "angle")
 #define BD_SLIDER(X)                                                                               \
   X(slider, mass, POSITIVE, "kg", "of carriage and pulley")                                        \
   X(slider, weight, NONNEGATIVE, "kg", "hung on it, pulls along the direction, w")                 \
-  X(slider, stiffness, NONNEGATIVE, "N/m", "of the spring, k")                                     \
-  X(slider, preload, FINITE, "N", "force of the spring in the place of the scene, S_0")            \
-  X(slider, damping, NONNEGATIVE, "N s/m", "of the damper, d")                                     \
-  X(slider, friction, NONNEGATIVE, "N", "Dahl friction of the guide in full sliding, F_m")         \
-  X(slider, friction_stiffness, NONNEGATIVE, "N/m", "of that friction before it slides, kappa")    \
-  X(slider, lowest, FINITE, "m", "travel of the lower stop from the place of the scene")           \
-  X(slider, highest, FINITE, "m", "travel of the upper stop")                                      \
-  X(slider, stop_stiffness, NONNEGATIVE, "N/m", "of a stop, k_s")                                  \
-  X(slider, stop_damping, NONNEGATIVE, "N s/m", "of a stop, d_s")
+  BD_SPRUNG(X, slider, "N", "m", "force", "guide", "travel")
 /* Couplings between a pulley's shaft and its rim (MODEL section 5), and the ring of a torsional
  * damper. 0 is a number chosen, of the clutch's stiffness and damping. */
 #define BD_ISOLATOR(X)                                                                             \
@@ -80,6 +76,7 @@
   X(damper, inertia, POSITIVE, "kg m^2", "of the free ring, I_r")                                  \
   X(damper, stiffness, NONNEGATIVE, "N m/rad", "of the spring between pulley and ring, k")         \
   X(damper, damping, NONNEGATIVE, "N m s/rad", "of the damper between them, d")
+#define BD_COUPLINGS(KIND) KIND(ISOLATOR, isolator) KIND(CLUTCH, clutch) KIND(DAMPER, damper)
 #define BD_CONTACT(X)                                                                              \
   X(contact, quadratic, NONNEGATIVE, "N/m^3", "c1' per metre of belt (2.8)")                       \
   X(contact, linear, NONNEGATIVE, "N/m^2", "c2' per metre of belt (2.8)")                          \
@@ -89,12 +86,13 @@
 
 /* All of them, the friction laws' among them; to be called with a macro of the name X. */
 #define BD_LAW_PARAMETERS(name, class, general, states, text) BD_LAW_##name(X)
+#define BD_COUPLING_PARAMETERS(KIND, name) BD_##KIND(X)
 #define BD_PARAMETERS(X)                                                                           \
   BD_BELT(X)                                                                                       \
   BD_PULLEY(X)                                                                                     \
   BD_DRAG(X)                                                                                       \
   BD_ARM(X)                                                                                        \
-  BD_SLIDER(X) BD_ISOLATOR(X) BD_CLUTCH(X) BD_DAMPER(X) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
+  BD_SLIDER(X) BD_COUPLINGS(BD_COUPLING_PARAMETERS) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
 
 /* The C type of a parameter under a rule. */
 #define BD_TYPE_POSITIVE double
@@ -104,13 +102,52 @@
 #define BD_TYPE_LINKS int
 #define BD_TYPE_FLAG int
 
+/* Belt models: X(symbol). Each is a row of its own file in csrc/belts/; where the scene leaves it
+ * open, the last that its mesh and its bending allow. */
+#define BD_BELTS(X) X(joint) X(string) X(paper)
+
+/* What is told of them, texts and facts, by those who ask: X(type, name, text). */
+#define BD_BELT_TEXTS(X)                                                                           \
+  X(name, "of the row")                                                                            \
+  X(text, "what its nodes are, and where they meet the pulleys")                                   \
+  X(nodes, "what n_bodies counts")                                                                 \
+  X(note, "on results; empty: none")
+#define BD_BELT_FACTS(X)                                                                           \
+  X(int, bends, "joints may resist bending")                                                       \
+  X(int, mounts, "pulleys may stand on mounts")                                                    \
+  X(int, tangents, "nodes lie on pulleys as tangents, longer than their arcs; else as chords")     \
+  X(int, stretches, "chords stretch along themselves; else at the joints, along the circle")       \
+  X(int, at_joints, "friction acts at the joints; else at the nodes")                              \
+  X(int, smooth, "contact is of lengths of belt, and sets in without a jump; else of points")      \
+  X(double, shear, "m l0^2 / I_z of a link: 12 along it, 4 with its mass at the ends")             \
+  X(double, reach, "of contact: so many links before and behind a node add to what acts there")    \
+  X(double, least_span, "of what is told apart [links]; 0: any")                                   \
+  X(double, explicit_share, "of the stability limit, that adaptive explicit steps may take")       \
+  X(double, error_by_local, "estimated error over local errors")                                   \
+  X(double, error_by_balance, "estimated error over what the balance of energy misses")            \
+  X(double, implicit_cost, "CPU time of an implicit step over an explicit one, measured")
+
+/* Sizes of fields of a state and of sampled outputs: X(size, count), the count from `of`, a
+ * bd_info. PLANE: of vectors (x, y); ENERGY: columns of the
+ * ledger, which the drive alone does not decide. */
+#define BD_SIZES(X)                                                                                \
+  X(ONE, 1)                                                                                        \
+  X(LINKS, of->n_bodies)                                                                           \
+  X(SLOTS, (size_t)of->n_slots *(size_t)of->n_bodies)                                              \
+  X(STATES, (size_t)(of->n_slots * of->n_states) * (size_t)of->n_bodies)                           \
+  X(FRICTION, of->n_slots > 0 ? of->n_bodies : 0)                                                  \
+  X(PULLEYS, of->n_pulleys)                                                                        \
+  X(PLANE, of->n_pulleys)                                                                          \
+  X(MOUNTS, of->n_mounts)                                                                          \
+  X(COUPLINGS, of->n_couplings)                                                                    \
+  X(ENERGY, 0)
+
 /* Fields of a state, in the order of the state vector: X(symbol, name, size, scale, unit, text).
- * size: LINKS n_b values, SLOTS n_b values per friction slot, STATES those times n_states, PULLEYS
- * n_p, MOUNTS and COUPLINGS one for each pulley with a mount or a coupling; in this order. scale:
- * what errors are measured by (bd_state_scale): the STRETCH of a joint at rest, that as a SPEED,
- * both over a lever arm (TURN, SPIN), the FRICTION law's own, GRIP that of a mount, WINDUP that of
- * a coupling; NONE: errors are not looked at. With time they are the physical state; to go on bit
- * for bit a run needs more (bd_sim_export). */
+ * size: of BD_SIZES, first those of links, of which a belt has some, by its model, at last those of
+ * pulleys and parts. scale: what errors are measured by (bd_state_scale): the STRETCH of a joint at
+ * rest, that as a SPEED, both over a lever arm (TURN, SPIN), the FRICTION law's own, GRIP that of a
+ * mount, WINDUP that of a coupling; NONE: errors are not looked at. With time they are the physical
+ * state; to go on bit for bit a run needs more (bd_sim_export). */
 #define BD_STATE_FIELDS(X)                                                                         \
   X(X, x, LINKS, STRETCH, "m", "mass centre of the link")                                          \
   X(Y, y, LINKS, STRETCH, "m", "mass centre of the link")                                          \
@@ -158,10 +195,14 @@
   X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")                         \
   X(double, drag_speed, "rim speed within which Coulomb drag changes its sign, v_0 [m/s]")
 
-/* Sampled outputs, one row a sample: X(name, group, size, unit, text). size: as of a state's
- * fields; PLANE, x and y for each pulley (n_p, 2); FRICTION, links of drives with friction; ENERGY,
- * columns of the ledger. Of mounts: torques of an arm, forces of a slider, in the sense of its
- * travel. */
+/* Numbers of a mount as they act, given or chosen: X(name, text). 0 of one that is prescribed. */
+#define BD_MOUNT_NUMBERS(X)                                                                        \
+  X(inertia, "that its travel moves [kg m^2 of an angle, kg]")                                     \
+  X(friction_stiffness, "of its friction before it slides [N m/rad or N/m]")                       \
+  X(stop_stiffness, "of a stop [N m/rad or N/m]")
+
+/* Sampled outputs, one row a sample: X(name, group, size, unit, text). size: as of BD_SIZES. Of
+ * mounts: torques of an arm, forces of a slider, in the sense of its travel. */
 #define BD_OUTPUTS(X)                                                                              \
   X(theta, pulleys, PULLEYS, "rad", "rotation angle, counter-clockwise")                           \
   X(omega, pulleys, PULLEYS, "rad/s", "angular velocity")                                          \

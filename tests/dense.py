@@ -1,4 +1,4 @@
-"""The Jacobian as a dense matrix: of the core's solver, by differences of the core and the oracle.
+"""The Jacobian as a dense matrix: the core's, and by differences of the core and the oracle.
 
 Unknowns in the order of the core's state, scaled: a stretch s for places, over half a link or a
 radius for angles, s w for velocities, w the fastest undamped frequency of the joints. The state of
@@ -130,24 +130,23 @@ def solve(model: _core.Model, layout: Layout, state: Mapping[str, Any], g: float
     return lambda c: layout.pack(model.solve(state, g, layout.unpack(c)))
 
 
-def jacobian_of_solver(
-    model: _core.Model, layout: Layout, state: Mapping[str, Any], g: float
-) -> Array:
-    """J = 1 / g - S^-1, S the matrix that the solver applies; exact to rounding if |g J| <= 1."""
-    n = len(layout.scale)
-    apply = solve(model, layout, state, g)
-    solutions = np.column_stack([apply(column) for column in np.eye(n)])
-    inner = np.ones(n, dtype=bool)
-    inner[layout.blocks()["slip"]] = False
-    slip_block = solutions[np.ix_(~inner, ~inner)]
-    assert np.array_equal(slip_block, np.diag(np.diag(slip_block)))
-    assert not solutions[np.ix_(inner, ~inner)].any()
-    j = np.zeros((n, n))
-    inverse = np.linalg.inv(solutions[np.ix_(inner, inner)])
-    j[np.ix_(inner, inner)] = np.eye(inner.sum()) / g - inverse
-    # slip rows: k_s = g J_s k
-    j[np.ix_(~inner, inner)] = solutions[np.ix_(~inner, inner)] @ inverse / g
-    return j
+def whole(model: _core.Model, state: Mapping[str, Any]) -> tuple[Array, Array]:
+    """J of the core in SI units, whose entries are given once each; the field of each row."""
+    sizes = {name: np.size(state.get(name, ())) for name, *_ in _core.STATE_FIELDS}
+    names = np.repeat(list(sizes), list(sizes.values()))
+    rows, columns, values = model.jacobian(state)
+    j = np.zeros((len(names), len(names)))
+    j[rows, columns] = values
+    assert np.count_nonzero(j) == len(values)
+    return j, names
+
+
+def jacobian(model: _core.Model, layout: Layout, state: Mapping[str, Any]) -> Array:
+    """The same, scaled; what is no unknown of a string has no entries."""
+    j, names = whole(model, state)
+    known = np.isin(names, [name for name, size in layout.sizes.items() if size])
+    assert not j[~known].any() and not j[:, ~known].any()
+    return j[np.ix_(known, known)] * layout.scale / layout.scale[:, None]
 
 
 def directions(layout: Layout, n: int, seed: int = 0) -> Iterator[tuple[list[str], Array]]:
@@ -208,7 +207,6 @@ def assert_jacobian(
                 largest, bend = np.max(by_places), 0.0
             if row in ("vx", "vy", "vphi"):
                 bend = 1e-8 * fastest
-            # what is 0 comes out of an inverse as rounding
             bounds[column][rows] = rounding * largest + bend + 1e-12 * fastest
     for names, along in directions(layout, n):
         slope = slope_along(rate, y, along, not set(names).isdisjoint(CURVED))

@@ -361,7 +361,7 @@ def _drive(rng: np.random.Generator, radians: float, kind: str) -> tuple[bd.Para
         "contact_damping": of_contact,
         "friction": None if params.friction is None else params.friction.law,
         "settled": settled,
-        "mesh": params.belt_model if params.belt_model == "string" else params.belt.mesh,
+        "mesh": params._belt_facts["name"],
         "turned": turned,
         "mounted": len(params.mounted),
         "stiff_friction": sigma * info["strain"] * info["link_length"],

@@ -132,5 +132,5 @@ def test_steps_that_still_grow_are_not_judged() -> None:
     """
     scene = bd.scenes.hard["threlfall-steep"].with_belt("joint")
     assert scene is not None
-    stats = scene._replace(t_end=0.02).run().stats
+    stats = scene._replace(t_end=0.016).run().stats
     assert stats.changes == 2 and stats.steps < 2000

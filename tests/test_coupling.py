@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import attrs
+import dense
 import numpy as np
 import pytest
 from bridge import fields, oracle_of
@@ -23,7 +24,7 @@ from scipy.optimize import brentq
 from tiers import ci_if
 
 import beltdyn as bd
-from beltdyn import parameters
+from beltdyn import _core, parameters
 from beltdyn.explaining.removals import leave_out, removals_of
 from beltdyn.sweeping import names
 
@@ -358,6 +359,9 @@ def test_a_prescribed_hub_gives_the_torque_that_it_needs() -> None:
 
 # --- linear systems -------------------------------------------------------------------------------
 
+#: Of differences [m, rad, m/s, rad/s]; 1e-6 of what is not named.
+STEPS = {"x": 1e-9, "y": 1e-9, "phi": 1e-8, "vphi": 1e-5, "travel": 1e-8}
+
 
 @pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 @pytest.mark.one_in(3)
@@ -365,39 +369,40 @@ def test_a_prescribed_hub_gives_the_torque_that_it_needs() -> None:
 @pytest.mark.parametrize("name", COUPLINGS)
 @pytest.mark.parametrize("kind", DRIVES)
 def test_the_jacobian_is_that_of_the_rates(kind: str, name: str, engaged: bool) -> None:
-    """(1 - g J) k = g c with J k by central differences of the rate: shafts, rims, windups and
-    travels, whose rows and columns the coupling has a part in.
+    """By central differences: every column of shafts, rims, windups and travels, and what motions
+    of the nodes do to their rows. Solves of (1 - g J) k = g c leave rounding.
     """
     params = DRIVES[kind](COUPLINGS[name])
     state, model = shaken(params, 5, engaged), params._model
-    g = 3e-5
-    small = ("theta", "omega", "rim_angle", "rim_speed", "windup", "travel", "travel_speed")
-    for place in ("omega", "rim_speed", "windup", "theta", "travel_speed"):
-        if not np.size(state[place]):
-            continue
-        c = {name: np.zeros(np.size(value)) for name, value in state.items()}
-        c[place][-1] = 1.0
-        k = dict(model.solve(state, g, {**c, "t": 0.0}))
-        if params.belt_model == "string":  # whose directions are no unknowns
-            k |= {"phi": np.zeros_like(k["phi"]), "vphi": np.zeros_like(k["vphi"])}
-        size = max(float(np.max(np.abs(k[name]), initial=0.0)) for name in small)
-        step = 1e-6 / size
-        there, back = (
-            model.rate(
-                {
-                    **state,
-                    **{name: state[name] + way * step * k[name] for name in c if name != "t"},
-                },
-                np.zeros(len(params.pulleys)),
-            )
-            for way in (1.0, -1.0)
-        )
-        for name in small:
-            if np.size(state[name]):
-                changed = (there[name] - back[name]) / (2.0 * step)
-                left = k[name] - g * changed - g * c[name]
-                least = g * max(1.0, float(np.abs(k[name]).max(initial=0.0)) / g)
-                assert np.max(np.abs(left)) <= 2e-5 * least, (place, name)
+    j, names = dense.whole(model, state)
+    still, rng = np.zeros(len(params.pulleys)), np.random.default_rng(1)
+    small = ["theta", "omega", "rim_angle", "rim_speed", "windup", "travel", "travel_speed"]
+
+    def joined(at: Any) -> Array:
+        return np.concatenate([at[field] for field, *_ in _core.STATE_FIELDS])
+
+    def moved(start: Any, way: Array) -> dict[str, Any]:
+        return {field: start[field] + way[names == field] for field, *_ in _core.STATE_FIELDS} | {
+            "t": 0.0
+        }
+
+    def assert_left(off: Array, terms: Array, share: float) -> None:
+        for rows in (names == field for field in set(names) & set(small)):
+            assert np.abs(off[rows]).max() <= share * terms[rows].max()
+
+    steps = np.array([STEPS.get(field, 1e-6) for field in names])
+    signed = steps * rng.choice([-1.0, 1.0], len(names))
+    ways = [signed * np.isin(names, nodes) for nodes in (("x", "y", "phi"), ("vx", "vy", "vphi"))]
+    ways += [steps * (np.arange(len(names)) == k) for k in np.flatnonzero(np.isin(names, small))]
+    for way in ways:
+        there, back = (joined(model.rate(moved(state, s * way), still)) for s in (0.5, -0.5))
+        assert_left(there - back - j @ way, np.abs(j) @ np.abs(way), 1e-5)
+    none = {field: np.zeros(np.size(value)) for field, value in state.items()}
+    for g in (1e-6, 1e-4, 1e-2):
+        c = steps * rng.uniform(-1.0, 1.0, len(names))
+        k = joined(model.solve(state, g, moved(none, c)))
+        terms = np.abs(k) + g * (np.abs(j) @ np.abs(k) + np.abs(c))
+        assert_left(k - g * (j @ k) - g * c, terms, 1e-12)
 
 
 # --- the rest of the program ----------------------------------------------------------------------
@@ -433,6 +438,31 @@ def test_a_belt_settles_with_pulleys_free_to_turn_as_without_a_coupling() -> Non
     assert not coupled.windup.any() and coupled.theta[1] == 0.0
 
 
+def test_a_belt_settles_from_a_state_without_its_windup() -> None:
+    """At rest no torque goes through a coupling, whatever the state that settling begins with."""
+    params = two(ISOLATOR)
+    start = turning(params, 3.0, 5.0, 0.1)
+    settling = _core.Simulation.settle(params._model, start._to_core(params))
+    assert settling.advance(np.inf)
+    state = settling.state()
+    assert not any(state[name].any() for name in ("windup", "rim_speed", "omega"))
+
+
+@pytest.mark.filterwarnings("ignore:no_friction")
+def test_fixed_steps_follow_the_stiffest_coupling() -> None:
+    """The step that rk4 chooses is within its limit, 2.785, of hub and rim on their spring, here
+    stiffer than the belt's joints; they swing by no more than they began with.
+    """
+    stiff = 1e7
+    params = two(attrs.evolve(ISOLATOR, stiffness=stiff, damping=0.0), friction=None)
+    rate = math.sqrt(stiff * (1.0 / RIM + 1.0 / HUB))
+    assert rate > params.info["spectral_bound"]
+    start = turning(params, 0.0, 1e-3)
+    result = bd.simulate(params, NO_TORQUE, 20.0 / rate, initial=start, method="rk4")
+    assert 0.5 < result.stats.largest_step * rate < 2.785
+    assert np.abs(result.couplings.windup).max() < 1.1e-3 / rate
+
+
 def test_sweeps_and_explanations_know_couplings() -> None:
     """Their numbers have names; left out, hub and rim are one body of both inertias."""
     params, torque = decoupled()
@@ -443,6 +473,29 @@ def test_sweeps_and_explanations_know_couplings() -> None:
     rigid = [one for one in removals_of(scene) if one.name == "couplings of shafts"]
     pulley = leave_out(scene, rigid).params.pulleys[1]
     assert pulley.coupling is None and pulley.inertia == RIM + HUB
+
+
+def test_histories_of_couplings_are_told_apart_by_their_pulley() -> None:
+    """In sweeps, spectra and labelled arrays; the second coupling is not on the second pulley."""
+    params = two(None)
+    first, last = (attrs.evolve(one, coupling=ISOLATOR) for one in params.pulleys)
+    plain = bd.Pulley(center=(0.15, -0.13), radius=0.06, inertia=1e-4)
+    params = drive([first, plain, attrs.evolve(last, name="fan")], 60)
+    torque = bd.Harmonics(0, [2.0], [1.0]) + bd.Step(2, 0.0, 0.3)
+    times = np.linspace(0.0, 4e-3, 33)
+    swept = bd.sweep(
+        bd.Scene(params, torque, times[-1]), {"t_end": [4e-3]}, "couplings.windup.final",
+        progress=False,
+    )["couplings.windup.final"]  # fmt: skip
+    result = bd.simulate(params, torque, times[-1], t_eval=times)
+    assert swept.dims == ("t_end", "coupling") and list(swept["coupling"]) == ["pulley 0", "fan"]
+    assert np.allclose(swept[0], result.couplings.windup[-1], rtol=1e-9)
+    labelled = result.to_xarray()["couplings.windup"]
+    assert labelled.dims == ("time", "coupling") and np.ptp(labelled.values, axis=0).all()
+    found = bd.spectra.spectrum(result, "couplings.windup", pulley="fan")
+    assert found.label == "couplings.windup of fan" and found.unit == "rad"
+    with pytest.raises(ValueError, match=r"^pulley: pulley 1 has none$"):
+        bd.spectra.spectrum(result, "couplings.windup", pulley=1)
 
 
 def test_speeds_are_drawn_of_shafts_and_rims() -> None:
@@ -567,3 +620,5 @@ def test_a_clutch_that_never_drives_is_asked_about() -> None:
         )  # fmt: skip
     text = run.report(0.999).text()
     assert "drives nothing: is it to drive the other way round" in " ".join(text.split())
+    (warned,) = (one for one in run.warnings if one.code == "never_drives")
+    assert warned.where == "pulley 1" and warned.text.endswith("is clockwise=False meant?")

@@ -1,9 +1,8 @@
-"""The implicit methods' Jacobian and linear solver, seen through ``solve``: (1 - g J) k = g c.
+"""The Jacobian, and the implicit methods' linear solver: (1 - g J) k = g c.
 
-J read off the solver (exact to rounding) against differences of the core's right-hand side and of
-the oracle's, entry by entry; on both sides of every kink; and what the solver leaves over at steps
-far beyond the stiffest mode. Guards csrc/solvers/newton_system.c, csrc/kernels/ring.h and
-jacobian.h.
+J against differences of the core's right-hand side and of the oracle's, entry by entry; on both
+sides of every kink; and what the solver leaves over of it at steps far beyond the stiffest mode.
+Guards csrc/solvers/jacobian.c and newton_system.c, csrc/kernels/ring.h and jacobian.h.
 """
 
 from __future__ import annotations
@@ -59,33 +58,11 @@ class Case:
 
     @cached_property
     def jacobian(self) -> Array:
-        """Read off the solver, once, so that the state is final; what is but the rounding of
-        an inverse is taken for the 0 it is: between links that are no neighbours, between the
-        friction of two links, or of a link and another's motion (of joints: a neighbour's), and
-        between fields that know nothing of each other.
-        """
+        """Asked for once, so that the state is final."""
         for array in self.state.values():
             if isinstance(array, np.ndarray):
                 array.flags.writeable = False
-        g, n = 1.0 / self.fastest, self.oracle.n_bodies
-        j = dense.jacobian_of_solver(self.model, self.layout, self.state, g)
-        apart = np.abs(np.arange(n)[:, None] - np.arange(n))
-        apart = np.minimum(apart, n - apart)
-        blocks = self.layout.blocks()
-        for row, rows in blocks.items():
-            for column, columns in blocks.items():
-                block = j[rows, columns]
-                if not {row, column} & {"theta", "omega", *dense.MOUNT_STATES}:
-                    friction = [name in ("mu", "slip") for name in (row, column)]
-                    alone = all(friction) if self.oracle.mesh == "joint" else any(friction)
-                    reach = 0 if alone else 1
-                    far = np.tile(apart > reach, (block.shape[0] // n, block.shape[1] // n))
-                    strange = np.max(np.abs(block[far]), initial=0.0)
-                    rounding = 1e-12 * self.fastest + 100 * EPS * np.max(np.abs(block), initial=0.0)
-                    assert strange <= rounding, (row, column)
-                    block[far | (np.abs(block) < 8 * EPS * self.fastest)] = 0.0
-                block[:] *= np.max(np.abs(block), initial=0.0) > 1e-11 * self.fastest
-        return j
+        return dense.jacobian(self.model, self.layout, self.state)
 
 
 def core_of(oracle: reference.Reference) -> _core.Model:
@@ -268,18 +245,11 @@ def assert_entries(case: Case, cores_too: bool = True) -> None:
 
 
 def assert_solves(case: Case) -> None:
-    """Backwards: the residual. Forwards, of the longest: a dense solve, as far as its condition
-    lets it know.
-    """
+    """What is left over, which bounds how far k is from a dense solve's by the condition."""
     j, rng = case.jacobian, np.random.default_rng(1)
     for g in STEPS:
         c = case.fastest * rng.uniform(-1, 1, len(j))
         assert left_over(case, j, g, c) <= GROWTH, g
-    matrix = np.eye(len(j)) - g * j
-    expected = np.linalg.solve(matrix, g * c)
-    error = dense.solve(case.model, case.layout, case.state, g)(c) - expected
-    known = 10 * EPS * np.linalg.cond(matrix)
-    assert np.max(np.abs(error)) <= max(known, 1e-13) * np.max(np.abs(expected))
 
 
 STATES = ("moving", "saturated", "stops")  # of mounts: mounted_drives.py
@@ -287,9 +257,10 @@ STATES = ("moving", "saturated", "stops")  # of mounts: mounted_drives.py
 
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", drive_table.names())
-def test_every_entry_and_every_solve(name: str) -> None:
+def test_every_entry_and_every_solve(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Of each belt, law, contact, layout and mount: J is that of the core's rates and of the
-    oracle's, and solves leave rounding at any step. States of mounts by turns.
+    oracle's, the same at every level, and solves leave rounding at any step. States of mounts by
+    turns.
     """
     params = drive_table.drive(name).scene.params
     how = STATES[drive_table.names().index(name) % 3]
@@ -297,8 +268,14 @@ def test_every_entry_and_every_solve(name: str) -> None:
     # of a bar depend on the length of a vector (string_belt.h, the share of the bar before).
     case = of_drive(params, drive_table.drive(name).settle()._to_core(params), how, 2)
     assert_entries(case)
-    assert_solves(case)
     blocks, j = case.layout.blocks(), case.jacobian
+    # rounding; as a joint comes into contact, 5e-17 m of places over a share of 1e-8 m
+    bound = 1e-12 * case.fastest + 1e-9 * np.abs(j).max(axis=1)
+    for level in available(monkeypatch):
+        monkeypatch.setenv("BELTDYN_KERNELS", level)
+        there = Case(attrs.evolve(params)._model, case.oracle, case.state)
+        assert np.all(np.abs(there.jacobian - j).max(axis=1) <= bound), level
+        assert_solves(there)
     for m, one in enumerate(case.oracle.mounts.values()):  # coupled with the belt both ways
         if STATES.index(how) < 2 or not (isinstance(one, Sprung) and one.stops):
             assert np.any(j[blocks["vx"], blocks["travel"]][:, m])
@@ -479,7 +456,7 @@ class Spot:
 
 
 def one_sided(case: Case, along: Array, h: float) -> tuple[Array, Array]:
-    """J times a direction: by the solver; by differences that go to one side alone.
+    """J times a direction; the same by differences that go to one side alone.
 
     Of second order: exact where the rates are quadratic, as the contact's force is. Steps of
     speeds, 1e-5 m/s, are small against a Stribeck velocity.

@@ -1,5 +1,5 @@
-"""Both sides of every kink of contact along the links: J of the solver against differences that go
-to one side alone. Guards csrc/kernels/link_contact_tangent.h and contact_points.h.
+"""Both sides of every kink of contact along the links: J against differences that go to one side
+alone. Guards csrc/kernels/link_contact_tangent.h and contact_points.h.
 
 Kinks are: an end of a link comes to the pulley or leaves it; the damper lets a Gauss point go; the
 share of a joint in contact begins to grow; friction under N / f slips. (Reversals of slip are in

@@ -58,8 +58,8 @@ def test_what_the_samples_take_is_what_is_asked_for(
         held = sum(array.nbytes for array in arrays)
         # What building the ledger takes besides, columns like the times.
         besides = 100 * 8 * 12 if ledger else 0
-        columns = len(scene.params._model.energy_terms) if ledger else 0
-        assert memory.check_samples(100, 12, 2, 0, columns, True, names) == held + besides
+        needed = memory.check_samples(100, params._model.sizes, names, ledger)
+        assert needed == held + besides
     monkeypatch.setattr(memory, "available", lambda: held)
     assert bd.simulate(*scene[:2], 1e-3, t_eval=np.linspace(0, 1e-3, 100), ledger=False).success
     monkeypatch.setattr(memory, "available", lambda: held - 1)

@@ -28,6 +28,11 @@ from beltdyn.errors import SimulationError
 V, T = ValueError, TypeError
 
 
+def test_a_jacobian_that_is_not_finite_is_an_error(model, rest):
+    with pytest.raises(SimulationError, match="the Jacobian is not finite at this state"):
+        model.jacobian({**rest, "vy": rest["vy"] + 1e308})
+
+
 def test_rate(model, rest):
     state = {**rest, "omega": np.array([0.5, -1.0]), "vx": np.linspace(-1, 1, N_B)}
     rate = model.rate(state, [3.0, 0.0])

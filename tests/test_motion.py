@@ -534,6 +534,12 @@ def test_a_run_follows_measured_angles() -> None:
     assert pickle.loads(pickle.dumps(table)) == table == eval(repr(table), vars(bd))
 
 
+def test_a_scene_with_motions_that_are_none_says_so_when_it_is_printed() -> None:
+    scene = bd.Scene(params_with(), LOAD, 0.1, "crank")  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r"^motion must be a mapping from a pulley's index"):
+        str(scene)
+
+
 def test_kinks_and_noise_of_measured_angles_are_refused() -> None:
     """By name and time; a run-up of 20 samples is neither, nor is noise below the acceleration.
 

@@ -23,7 +23,6 @@ from mounted_drives import METHODS
 import beltdyn as bd
 from beltdyn import _core
 from beltdyn.balance import tension_held
-from beltdyn.mounts import friction_stiffness, stop_stiffness
 from beltdyn.route import Route
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
@@ -161,19 +160,18 @@ def test_a_tension_is_the_preload_that_holds_it(
     assert spring.mount.preload == pytest.approx(2 * 150.0 - 10.0 * 9.80665, rel=1e-12)
 
 
-def test_stiffnesses_that_are_chosen_are_those_of_the_core() -> None:
-    """Python's copy of the rules: given as numbers they give the core's rates of what is chosen."""
+def test_numbers_of_a_mount_are_those_that_act() -> None:
+    """Given as numbers, those that the core tells give its rates of what it chooses."""
     for params in (
         drives.tensioner(drives.arm(stops=(-0.1, 0.1), stop_damping=1.0)),
         drives.take_up(drives.slider(friction=20.0, stops=(-0.01, 0.01), stop_damping=1.0)),
     ):
         (k,) = params.mounted
         pulleys, mount = list(params.pulleys), params.pulleys[k].mount
-        belt, center = params.belt, np.array(pulleys[k].center)
-        stop = stop_stiffness(mount, center, belt.axial_stiffness, float(params.info["length"]))
-        friction = friction_stiffness(mount, pulleys[k].radius)
-        given = attrs.evolve(mount, friction_stiffness=friction, stop_stiffness=stop)
-        pulleys[k] = attrs.evolve(pulleys[k], mount=given)
+        (numbers,) = params._model.mounts
+        inertia = numbers.pop("inertia")
+        assert inertia == getattr(mount, "inertia", mount.mass + getattr(mount, "weight", 0.0))
+        pulleys[k] = attrs.evolve(pulleys[k], mount=attrs.evolve(mount, **numbers))
         state = bd.settle(params)
         pressed = attrs.evolve(state, travel=state.travel + 0.2, travel_speed=np.array([0.3]))
         rates = [
@@ -183,6 +181,23 @@ def test_stiffnesses_that_are_chosen_are_those_of_the_core() -> None:
         for name in ("travel_speed", "mount_friction"):
             assert rates[0][name] != 0.0
             assert rates[1][name] == pytest.approx(rates[0][name], rel=1e-14)
+
+
+def test_the_sense_of_a_travel_changes_nothing() -> None:
+    """A carriage thrown off the belt: lists of links near its pulley were made anew only where it
+    went along the direction that it was given, for a speed against it counted as none.
+    """
+    searches, forces = [], []
+    for sense in (1.0, -1.0):
+        mount = drives.slider(direction=(sense, 0.0), mass=25.0, weight=0.0, preload=sense * 240.0)
+        params = drives.take_up(mount)
+        thrown = attrs.evolve(bd.settle(params), travel_speed=[-5.0 * sense])
+        options: dict[str, Any] = {"initial": thrown, "method": "rk4", "step": 1e-5}
+        result = bd.simulate(params, bd.Viscous([0.0, 0.0]), 0.012, **options)
+        searches.append(result.stats.searches)
+        forces.append(result.joints.force)
+    assert searches[0] == searches[1]
+    assert np.array_equal(*forces)
 
 
 def test_forces_of_a_mount_are_those_of_its_parts() -> None:

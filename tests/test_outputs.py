@@ -179,7 +179,8 @@ def test_bytes_are_those_of_what_was_asked_for(pair: Any) -> None:
         state = initial._to_core(params)
         sim = _core.Simulation(params._model, state, [], 1.0, ledger=False, motion=[])
         assert sum(one.nbytes for one in sim.sample(T, of_core).values()) == n_t * (width + every)
-        assert memory.check_samples(n_t, n_b, n_p, n_m, 0, True, of_core) == n_t * (width + every)
+        needed = memory.check_samples(n_t, params._model.sizes, of_core, ledger=False)
+        assert needed == n_t * (width + every)
 
 
 def test_what_cannot_be_looked_for_is_listed(rest: bd.State) -> None:

@@ -16,7 +16,7 @@ import pandas
 import pytest
 
 import beltdyn as bd
-from beltdyn import sanity
+from beltdyn import _core
 from beltdyn.report import Rows, brief, digits
 from beltdyn.report.rows import RESIDUAL, MountRow, Spread
 from beltdyn.report.text import _fitted, tables
@@ -353,7 +353,7 @@ def test_what_does_not_count_and_what_is_left_over_is_told() -> None:
     )
     lines = [row[-2] for row in brief._spans(attrs.evolve(told, spans=spans)).rows]
     assert lines == ["mesh", "99 ?", "99"]
-    paper = bd.RunWarning(code="mesh", text=sanity.PAPERS_MESH)
+    paper = bd.RunWarning(code="mesh", text=_core.BELTS[-1]["note"])
     assert "the drive's own margin is lower" in _words(told, warnings=(paper,))
     assert "own margin" not in _words(told)
 

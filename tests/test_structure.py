@@ -83,7 +83,7 @@ def test_every_folder_of_the_package_is_installed() -> None:
 
 
 #: Folders of csrc/; each may include those after it. CONTRIBUTING.md says so, too.
-FOLDERS = ("binding", "run", "solvers", "physics", "model", "kernels", "base")
+FOLDERS = ("binding", "run", "solvers", "belts", "physics", "model", "kernels", "base")
 #: What any file may include: the public interface, and the tables of the folder of friction laws,
 #: which themselves include one another only.
 PUBLIC = {"beltdyn.h", "fields.h", "friction/laws.h"}
@@ -113,3 +113,24 @@ def test_includes_go_one_way() -> None:
                 continue
             assert folder in FOLDERS, f"{file} includes {target}"
             assert FOLDERS.index(folder) <= FOLDERS.index(there), f"{file} includes {target}"
+
+
+def test_no_code_asks_which_belt_it_is() -> None:
+    """Belt models tell facts: the core calls functions of a row of csrc/belts, Python reads BELTS.
+
+    Their names stand in the public header, in what reads a scene, and where kernels are chosen;
+    kernels are compiled for each belt and ask constants of theirs.
+    """
+    named = re.compile(
+        r"BD_MESH_\w|BD_BELT_(MODEL_|AUTO|LINKS|STRING)|bd_belt_(joint|string|paper)\b"
+    )
+    known = {"beltdyn.h", "binding/model.c", "kernels/rhs.h"}
+    core, package = ROOT / "csrc", ROOT / "beltdyn"
+    found = {
+        file.relative_to(core).as_posix()
+        for file in core.rglob("*.[ch]")
+        if file.parent.name not in ("belts", "examples") and named.search(file.read_text("utf-8"))
+    }
+    assert found == known
+    asked = re.compile(r"\b(mesh|belt_model) [=!]= ")
+    assert not [one for one in package.rglob("*.py") if asked.search(one.read_text("utf-8"))]

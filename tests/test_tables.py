@@ -112,3 +112,25 @@ def test_tuples_of_the_stub_have_the_parameters_of_their_group() -> None:
         rules = [rule.rule for rule in rules_of(group).values()]
         kinds = ["int" if rule in ("LINKS", "FLAG") else "float" for rule in rules]
         assert f"tuple[{', '.join(kinds)}]" in typed[group]
+
+
+def test_belts_of_the_table_tell_the_facts_of_the_stub() -> None:
+    """And choose themselves: a belt that asks for what a row is has that row."""
+    tree = ast.parse(Path(_core.__file__).with_name("_core.pyi").read_text("utf-8"))
+    facts = next(n for n in tree.body if isinstance(n, ast.ClassDef) and n.name == "BeltFacts")
+    typed = {
+        one.target.id: ast.unparse(one.annotation)
+        for one in facts.body
+        if isinstance(one, ast.AnnAssign) and isinstance(one.target, ast.Name)
+    }
+    fields = {name for name, size, *_ in _core.STATE_FIELDS if size == "LINKS"}
+    params = bd.scenes.get("kubas_case_1").params
+    for row in _core.BELTS:
+        assert {name: kind.partition("[")[0] for name, kind in typed.items()} == {
+            name: type(value).__name__ for name, value in row.items()
+        }
+        assert set(row["fields"]) <= fields and (not row["bends"] or "phi" in row["fields"])
+        belt = attrs.evolve(
+            params.belt, mesh=row["mesh"], model=row["model"], bending_stiffness=0.0
+        )
+        assert attrs.evolve(params, belt=belt)._belt_facts == row

@@ -46,8 +46,6 @@ TIGHTER = 0.1
 MESH_RTOL = 1e-3
 #: A step of "tsit5" is stable up to about this over the joints' spectral bound.
 STABLE = 3.2
-#: CPU time of an implicit step over an explicit one by mesh (benchmarks/kernels.py).
-IMPLICIT_STEP = {"paper": 7.0, "joint": 5.0}
 #: The check in time may cost this many times the run.
 AFFORDABLE = 2.0
 #: From this part of the run on the check in time can begin, by the method that it is likely to
@@ -272,7 +270,7 @@ class Verification:
 
     def _methods(self, used: str, steps: float, duration: float) -> list[str]:
         """Give the methods that can check a run, which took so many steps, the best first."""
-        affordable = AFFORDABLE * IMPLICIT_STEP[self._params.belt.mesh] * steps
+        affordable = AFFORDABLE * self._params._belt_facts["implicit_cost"] * steps
         if used == "tsit5" or self._explicit_steps(duration) > affordable:
             return ["rodas4"]
         return ["tsit5", "rodas4"]

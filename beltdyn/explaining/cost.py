@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import attrs
 
 from .. import _core
+from ..state import ROWS, SIZES
 
 __all__ = ["Pass", "StateSize", "Step", "size_of", "time_step"]
 
-#: Parts of the state by the size of their fields in the table of the core; what has another one is
-#: of friction, at links in contact.
-_PARTS = {"LINKS": "links", "PULLEYS": "pulleys", "MOUNTS": "mounts", "COUPLINGS": "couplings"}
-_OTHER, _LEDGER = "friction", "ledger"
+#: Part of the state of fields with several rows: of friction, at links in contact.
+_FRICTION, _LEDGER = "friction", "ledger"
 #: A number of the core's state.
 _BYTES = 8
 #: Rounds over all passes, of which medians are taken; a round takes some 2 ms.
@@ -93,18 +92,17 @@ class Step:
         return self.alone - sum(one.per_step for one in self.passes)
 
 
-def size_of(sim: _core.Simulation, string: bool) -> StateSize:
-    """Give the size of the state of a run; that of a string has no angles of links."""
+def size_of(sim: _core.Simulation, own: Sequence[str]) -> StateSize:
+    """Give the size of the state of a run, whose nodes have fields of their own."""
     state, sizes = sim.state(), sim.sizes
-    names = ("links", _OTHER, "pulleys", "mounts", "couplings")
-    parts = dict.fromkeys(names, 0)
-    fields: dict[str, tuple[str, ...]] = dict.fromkeys(names, ())
-    for name, size, *_ in _core.STATE_FIELDS:
-        if string and name in ("phi", "vphi"):
+    parts: dict[str, int] = {}
+    fields: dict[str, tuple[str, ...]] = {}
+    for name, size in SIZES.items():
+        if size == "LINKS" and name not in own:
             continue
-        part = _PARTS.get(size, _OTHER)
-        parts[part] += int(state[name].size)
-        fields[part] += (name,)
+        part = _FRICTION if size in ROWS else size.lower()
+        parts[part] = parts.get(part, 0) + int(state[name].size)
+        fields[part] = (*fields.get(part, ()), name)
     parts[_LEDGER] = sizes["works"]
     works = [name for name, kind, _ in _core.ENERGY_TERMS if kind in ("SUPPLIED", "LOST")]
     fields[_LEDGER] = tuple(works[: sizes["works"]])

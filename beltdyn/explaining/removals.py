@@ -17,7 +17,7 @@ from ..balance import tension_held
 from ..friction import Dahl, ElasticPlastic, Friction, LuGre, MaxwellSlip
 from ..loads import Harmonics
 from ..motions import CrankMotion
-from ..mounts import Arm, Slider
+from ..mounts import Sprung
 from ..params import Params
 from ..scene import Scene
 from ..torques import TorqueLike, TorqueSum, Viscous
@@ -114,8 +114,7 @@ def _of_same_tension(params: Params) -> Params:
         held = tension_held(params.effective_pulleys, params.gravity, belt.bending_stiffness)
         for k in sprung:
             mount: Any = pulleys[k].mount
-            free = "free_angle" if isinstance(mount, Arm) else "free_travel"
-            drawn = attrs.evolve(mount, preload=None, tension=held, **{free: None})
+            drawn = attrs.evolve(mount, preload=None, tension=held, **{mount._row.free: None})
             pulleys[k] = attrs.evolve(pulleys[k], mount=drawn)
     return attrs.evolve(params, belt=belt, pulleys=pulleys)
 
@@ -170,7 +169,7 @@ def _without_stribeck(scene: Scene) -> Scene:
 
 
 def _sprung(params: Params) -> list[int]:
-    return [k for k in params.mounted if isinstance(params.pulleys[k].mount, (Arm, Slider))]
+    return [k for k in params.mounted if isinstance(params.pulleys[k].mount, Sprung)]
 
 
 def _coarser_law(part: Part) -> Friction | None:

@@ -7,15 +7,13 @@ from typing import Any
 
 import attrs
 
+from ..parts import BELTS
 from ..result import Result
 from ..scene import Scene
 from ..simulation import simulate
 from ..state import State
 
 __all__ = ["Entry", "HardScene"]
-
-#: What a belt may be made of: links on the mesh of joints, the string, links on the paper's mesh.
-BELTS = ("joint", "string", "paper")
 
 
 class HardScene(Scene):
@@ -98,11 +96,10 @@ class HardScene(Scene):
             raise ValueError(f"model must be one of {', '.join(BELTS)}, got {model!r}")
         belt = self.params.belt
         stiff = belt.bending_stiffness > 0.0 or belt.bending_damping > 0.0
-        if (model == "string" and stiff) or (model == "paper" and self.params.mounted):
+        row = BELTS[model]
+        if (stiff and not row["bends"]) or (self.params.mounted and not row["mounts"]):
             return None
-        mesh = "paper" if model == "paper" else "joint"
-        made_of = "string" if model == "string" else "links"
-        belt = attrs.evolve(belt, mesh=mesh, model=made_of)
+        belt = attrs.evolve(belt, mesh=row["mesh"], model=row["model"])
         return self._replace(params=attrs.evolve(self.params, belt=belt))
 
     def run(self, method: str = "auto", **options: Any) -> Result:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,6 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
 from ..checks import Array
-from ..mounts import Arm, Path, Slider
 from ..parts import Pulley
 from ..result import Result
 from . import style
@@ -22,6 +21,46 @@ _GUIDE, _TIP = 1.6, 0.5
 _LOOK: dict[str, Any] = {"color": "0.35", "zorder": 1.2}
 
 
+def _arm(ax: Axes, pulley: Pulley, mount: Any) -> Any:
+    """Draw the pivot; give what reaches from there to the axis."""
+    (line,) = ax.plot([], [], lw=4.0, solid_capstyle="round", alpha=0.6, **_LOOK)
+    ax.plot(*mount.pivot, marker="o", ms=7, mfc="white", mew=1.6, **(_LOOK | {"zorder": 3.4}))
+    return line
+
+
+def _slider(ax: Axes, pulley: Pulley, mount: Any) -> None:
+    start, end, tip = _ends_of_slider(pulley, mount)
+    # Behind the pulley, on which its name stands.
+    ax.plot(
+        *zip(start, end, strict=True), lw=1.4, ls=(0, (6, 2, 1, 2)), **(_LOOK | {"zorder": 0.9})
+    )
+    if mount.weight > 0.0:
+        look = {"arrowstyle": "-|>", "color": "0.35", "lw": 1.4, "mutation_scale": 14.0}
+        ax.annotate("", tuple(tip), tuple(end), arrowprops=look)
+
+
+def _ends_of_slider(pulley: Pulley, mount: Any) -> list[Array]:
+    """Give both ends of its guide, and the tip of the arrow of its weight."""
+    center = np.array(pulley.center)
+    along = pulley.radius * mount._direction(center)
+    tip = _GUIDE + _TIP * (mount.weight > 0.0)
+    return [center + s * along for s in (-_GUIDE, _GUIDE, tip)]
+
+
+def _path(ax: Axes, pulley: Pulley, mount: Any) -> None:
+    way = np.array(pulley.center)[:, None] + mount.displacement.T
+    ax.plot(*way, lw=1.2, ls=":", marker=".", **(_LOOK | {"zorder": 3.4}))
+
+
+#: By kind how it is drawn, which may give a line from the first point to the axis; and points that
+#: a picture must hold besides belt and pulleys.
+_DRAWN: dict[str, tuple[Callable[[Axes, Pulley, Any], Any], Callable[[Pulley, Any], list[Any]]]] = {
+    "arm": (_arm, lambda _, mount: [mount.pivot]),
+    "slider": (_slider, _ends_of_slider),
+    "path": (_path, lambda *_: []),
+}
+
+
 class MountPicture:
     """The artists of the mounts of a drive: what stands still is drawn once, arms are moved.
 
@@ -31,46 +70,24 @@ class MountPicture:
     """
 
     def __init__(self, ax: Axes, pulleys: Sequence[Pulley]) -> None:
-        self._arms: list[tuple[int, Array, Any]] = []
+        self._lines: list[tuple[int, Any, Any]] = []
         for k, pulley in enumerate(pulleys):
-            center, mount = np.array(pulley.center), pulley.mount
-            if isinstance(mount, Arm):
-                pivot = np.array(mount.pivot)
-                (line,) = ax.plot([], [], lw=4.0, solid_capstyle="round", alpha=0.6, **_LOOK)
-                ax.plot(*pivot, marker="o", ms=7, mfc="white", mew=1.6, **(_LOOK | {"zorder": 3.4}))
-                self._arms.append((k, pivot, line))
-            elif isinstance(mount, Slider):
-                self._guide(ax, center, np.array(mount.direction), pulley.radius, mount)
-            elif isinstance(mount, Path):
-                way = center[:, None] + mount.displacement.T
-                ax.plot(*way, lw=1.2, ls=":", marker=".", **(_LOOK | {"zorder": 3.4}))
-
-    @staticmethod
-    def _guide(ax: Axes, center: Array, direction: Array, radius: float, mount: Slider) -> None:
-        along = direction / np.hypot(*direction)
-        ends = center[:, None] + _GUIDE * radius * np.outer(along, [-1.0, 1.0])
-        # Behind the pulley, on which its name stands.
-        ax.plot(*ends, lw=1.4, ls=(0, (6, 2, 1, 2)), **(_LOOK | {"zorder": 0.9}))
-        if mount.weight > 0.0:
-            tip = {"arrowstyle": "-|>", "color": "0.35", "lw": 1.4, "mutation_scale": 14.0}
-            head, tail = ends[:, 1] + _TIP * radius * along, ends[:, 1]
-            ax.annotate("", tuple(head), tuple(tail), arrowprops=tip)
+            if (mount := pulley.mount) is not None:
+                draw, reach = _DRAWN[mount._row.name]
+                if (line := draw(ax, pulley, mount)) is not None:
+                    self._lines.append((k, reach(pulley, mount)[0], line))
 
     def move(self, centers: Array) -> list[Artist]:
         """Put the arms where the axes (n_p, 2) are; give the artists that changed."""
-        for k, pivot, line in self._arms:
-            line.set_data([pivot[0], centers[k, 0]], [pivot[1], centers[k, 1]])
-        return [line for _, _, line in self._arms]
+        for k, fixed, line in self._lines:
+            line.set_data([fixed[0], centers[k, 0]], [fixed[1], centers[k, 1]])
+        return [line for _, _, line in self._lines]
 
     @staticmethod
     def reach(pulleys: Iterable[Pulley]) -> Array:
         """Give points that a picture must hold besides belt and pulleys: pivots, tips (n, 2)."""
-        points: list[Any] = [p.mount.pivot for p in pulleys if isinstance(p.mount, Arm)]
-        for one in pulleys:
-            if isinstance(one.mount, Slider):
-                along = np.array(one.mount.direction) / np.hypot(*one.mount.direction)
-                tip = _GUIDE + _TIP * (one.mount.weight > 0.0)
-                points += [np.array(one.center) + s * one.radius * along for s in (-_GUIDE, tip)]
+        mounted = [(p, p.mount) for p in pulleys if p.mount is not None]
+        points = [at for p, mount in mounted for at in _DRAWN[mount._row.name][1](p, mount)]
         return np.array(points, dtype=float).reshape(-1, 2)
 
 
@@ -89,12 +106,7 @@ def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
         ValueError: The drive has no arm and no slider.
     """
     params = result.params
-    arm, slider = (180.0 / np.pi, "deg"), (1e3, "mm")
-    moving = [
-        (m, k, *(arm if isinstance(params.pulleys[k].mount, Arm) else slider))
-        for m, k in enumerate(params.mounted)
-        if not isinstance(params.pulleys[k].mount, Path)
-    ]
+    moving = [(m, k, *mount._row.shown) for m, k, mount in params._moving]
     if result.mounts is None or not moving:
         raise ValueError("no pulley of this drive is on an arm or a slider")
     ax = style.axes(ax)

@@ -20,6 +20,7 @@ from ..arcs import full_friction
 from ..checks import Array, pair, real
 from ..outputs import has
 from ..result import Result
+from ..spans import has_angles
 from . import style
 from .labels import per_unit, place_names
 from .mounting import MountPicture
@@ -286,7 +287,7 @@ class DrivePicture:
         """Both ends of each link, of a string of the bar behind each mass (n_b, 2, 2) [m]."""
         belt = self._result.belt
         centre = np.stack([belt.x[row], belt.y[row]], axis=-1)
-        if self._result.params.belt_model == "string":
+        if not has_angles(self._result.params):
             return np.stack([centre, np.roll(centre, -1, axis=0)], axis=1)
         along = self._half * np.stack([np.cos(belt.phi[row]), np.sin(belt.phi[row])], axis=-1)
         return np.stack([centre - along, centre + along], axis=1)

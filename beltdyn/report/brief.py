@@ -7,8 +7,8 @@ import textwrap
 from collections.abc import Iterator
 
 from ..html import paragraphs
+from ..mounts import KINDS
 from ..rounding import rounded
-from ..sanity import PAPERS_MESH
 from . import digits, text
 from .digits import (
     NONE,
@@ -22,7 +22,6 @@ from .digits import (
 from .rows import PulleyRow, SpanRow, Told
 from .text import (
     _NOTHING,
-    _OF_KIND,
     _STILL,
     _TO_RPM,
     Table,
@@ -208,7 +207,7 @@ def _of_run(report: Told, row: SpanRow) -> tuple[str, str]:
 def _mounts(report: Told) -> Table:
     rows = []
     for row in report.mounts:
-        way, _, scale = _OF_KIND[row.kind]
+        scale, way = KINDS[row.kind].shown
         travel, to_stop = (
             digits.of_mount(report, row, one, scale) for one in (row.travel, row.to_stop)
         )
@@ -224,8 +223,8 @@ def _closing(report: Told) -> Iterator[str]:
     if report.powers:
         yield f"Power: {_balance(report)}."
     yield report.accuracy.sentence()
-    if text.of_paper(report):
-        yield f"{PAPERS_MESH}."
+    if note := text.note_on_mesh(report):
+        yield f"{note}."
     if report.warnings:
         yield f"Warnings: {', '.join(_named(report))} (in full: result.warnings)."
     many = len(report.notes)

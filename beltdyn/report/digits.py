@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..accuracy_report import Accuracy
 from ..checks import Array
+from ..mounts import KINDS
 from ..rounding import rounded
 from .rows import RESIDUAL, Creep, MountRow, PulleyRow, SpanRow, Spread, Told
 
@@ -336,7 +337,7 @@ def of_mount(
 ) -> tuple[str, str, str]:
     """Give travels or forces of a mount, which the belt of two spans moves; paths are given."""
     share = report.tension_error and 2.0 * report.tension_error
-    return placed(value, 0.0 if row.kind == "path" else share, scale)
+    return placed(value, share if KINDS[row.kind].moves else 0.0, scale)
 
 
 def speed_ratio(report: Told, row: Creep) -> str:

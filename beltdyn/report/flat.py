@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import attrs
 
+from ..mounts import KINDS
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, SpanRow, Spread, Told
 
 __all__ = ["Number", "numbers", "quantities"]
@@ -107,7 +108,8 @@ def quantities(part: str) -> list[str] | None:
 
 def _unit(row: Any, field: str) -> str:
     if isinstance(row, MountRow):
-        way, force = ("rad", "N m") if row.kind == "arm" else ("m", "N")
+        kind = KINDS[row.kind]
+        way, force = kind.unit("rad or m"), kind.force
         of_way = {"travel": way, "to_stop": way, "amplitude": way, "frequency": "Hz"}
         return of_way.get(field, force)
     return _UNITS[type(row)].get(field, "1")

@@ -110,7 +110,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
         belt_speed=None if touched is None else _belt_speed(window, touched),
         belt_speeds=None if touched is None else _belt_speeds(window, touched),
         rest_tension=(
-            None if run.params.belt.mesh == "paper" else float(run.params.info["mean_tension"])
+            None if run.params._belt_facts["tangents"] else float(run.params.info["mean_tension"])
         ),
         mass_tension=None if touched is None else _mass_tension(window, touched),
         pulleys=Rows(pulleys),

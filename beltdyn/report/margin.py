@@ -26,7 +26,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array
-from ..mounts import Arm, Path, Slider, axis_direction, stop_stiffness
+from ..mounts import Sprung
 from ..params import Params
 from ..route import Route, route_at
 
@@ -109,9 +109,8 @@ class _Theory:
         # The driving pulley makes up for what else takes power: the ring closes.
         per_factor[steady.driver] -= per_factor.sum()
         self.per_factor = per_factor
-        self.free = [
-            m for m, k in enumerate(params.mounted) if not isinstance(params.pulleys[k].mount, Path)
-        ]
+        self.moving = params._moving
+        self.free = [m for m, *_ in self.moving]
         self.offset = np.zeros(1 + len(self.free))
         self.offset = self._misfit(self.start(), 1.0)
 
@@ -179,23 +178,19 @@ class _Theory:
         misfit = [float(free + self._on_pulleys(tension, pull, speed, way)) / self.length]
         ends = (np.roll(way.arrive, -1, axis=0) - way.leave) / way.spans[:, None]
         centers = self.centers(travels)
-        for travel, m in zip(travels, self.free, strict=True):
-            k = self.params.mounted[m]
-            mount = self.params.effective_pulleys[k].mount
-            assert isinstance(mount, (Arm, Slider))
-            along = axis_direction(mount, centers[k])
+        for travel, (m, k, mount) in zip(travels, self.moving, strict=True):
+            along = mount._direction(centers[k])
             held = float(along @ (pull[k] * ends[k] - pull[k - 1] * ends[k - 1]))
             scale = float(np.linalg.norm(along) * self.steady.tension.mean())
-            misfit.append((held + self._spring(k, mount, float(travel))) / scale)
+            misfit.append((held + self._spring(m, mount, float(travel))) / scale)
         return np.array(misfit) - self.offset
 
-    def _spring(self, k: int, mount: Arm | Slider, travel: float) -> float:
+    def _spring(self, m: int, mount: Sprung, travel: float) -> float:
         """Give what spring and stops do to a mount, in the sense of its travel."""
         force = mount.spring_force - mount.stiffness * travel
         if mount.stops is not None:
             lowest, highest = mount.stops
-            drawn = np.array(self.params.pulleys[k].center)
-            stiffness = stop_stiffness(mount, drawn, self.stiffness, self.length)
+            stiffness = self.params._model.mounts[m]["stop_stiffness"]
             force += stiffness * max(0.0, lowest - travel)
             force -= stiffness * max(0.0, travel - highest)
         return force

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import Array
-from ..mounts import Arm, Path, axis_direction
+from ..mounts import Path, Sprung
 from .pulleys import spread
 from .rows import MountRow, Spread
 from .spans import dominant, uneven
@@ -50,8 +50,7 @@ def mount_rows(
     for m, k in enumerate(params.mounted):
         mount, name = params.effective_pulleys[k].mount, params.pulley_names[k]
         assert mount is not None
-        kind = "arm" if isinstance(mount, Arm) else "path" if isinstance(mount, Path) else "slider"
-        row: dict[str, Any] = {"name": name, "kind": kind}
+        row: dict[str, Any] = {"name": name, "kind": mount._row.name}
         if "travel" not in lacking:
             travel = window.of(mounts.travel)[:, m]
             if isinstance(mount, Path):
@@ -61,30 +60,26 @@ def mount_rows(
                 low, high = mount.stops
                 row["to_stop"] = spread(window, np.minimum(travel - low, high - travel))
             row["travel"] = spread(window, travel)
-            least = FAINT * (1.0 if kind == "arm" else params.pulleys[k].radius)
+            least = FAINT * (1.0 if mount._row.angle else params.pulleys[k].radius)
             line = None if uneven(window) else dominant(window.t, travel)
             if line is not None and line.amplitude > least:
                 row |= {"frequency": line.frequency, "amplitude": line.amplitude}
-        if not isinstance(mount, Path):
+        if isinstance(mount, Sprung):
             for field, output in _FORCES.items():
                 if output not in lacking and _there(mount, field):
                     row[field] = spread(window, window.of(getattr(mounts, output))[:, m])
             if row.get("belt") is not None and "travel" not in lacking and statics is not None:
-                pull = np.array(
-                    [
-                        axis_direction(mount, center) @ load
-                        for center, load in zip(window.centers[:, k], statics[:, k], strict=True)
-                    ]
-                )
+                along = mount._directions(window.centers[:, k])
+                pull = np.array([a @ load for a, load in zip(along, statics[:, k], strict=True)])
                 row["belt"] = _without_blows(window, row["belt"], pull, passing)
         rows.append(MountRow(**row))
     return rows, notes
 
 
-def _there(mount: Any, field: str) -> bool:
+def _there(mount: Sprung, field: str) -> bool:
     """Tell whether a mount has a part at all."""
     if field == "spring":
-        return bool(mount.stiffness or mount.spring_force or getattr(mount, "weight", 0.0))
+        return bool(mount.stiffness or mount.spring_force or mount._hung)
     if field in ("damper", "friction"):
         return bool(mount.damping if field == "damper" else mount.friction)
     return field == "belt" or mount.stops is not None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from .. import _core, sanity
-from ..mounts import Arm, Slider, friction_stiffness
 from ..rounding import percent
 from .digits import number
 from .rows import RESIDUAL, Power
@@ -132,13 +131,12 @@ def _bristles(window: Window) -> np.ndarray | None:
     """Give what the dry friction of mounts stores (n_t,) [J]; None: none has any, or not known."""
     run, params = window.run, window.params
     stored: np.ndarray = np.zeros(run.t.size)
-    for m, k in enumerate(params.mounted):
-        mount = params.pulleys[k].mount
-        if not isinstance(mount, (Arm, Slider)) or not mount.friction > 0.0:
+    for m, _, mount in params._moving:
+        if not mount.friction > 0.0:
             continue
         if run.mounts is None or not run._has("mounts.friction_force"):
             return None
-        stiffness = friction_stiffness(mount, params.pulleys[k].radius)
+        stiffness = params._model.mounts[m]["friction_stiffness"]
         stored = stored + run.mounts.friction_force[:, m] ** 2 / (2.0 * stiffness)
     return stored
 

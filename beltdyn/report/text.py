@@ -9,8 +9,9 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
+from .. import _core
 from ..html import paragraphs, table_of
-from ..sanity import PAPERS_MESH
+from ..mounts import KINDS
 from . import digits
 from .cycles import CLASSES
 from .digits import (
@@ -32,7 +33,7 @@ __all__ = [
     "columns",
     "html",
     "lines",
-    "of_paper",
+    "note_on_mesh",
     "of_tables",
     "opening",
     "slips",
@@ -239,9 +240,14 @@ def _slip(report: Told) -> Table:
     )
 
 
-def of_paper(report: Told) -> bool:
-    """Tell whether the mesh is the paper's, and raises tensions enough to be warned of."""
-    return any(PAPERS_MESH in one.text for one in report.warnings)
+def note_on_mesh(report: Told) -> str:
+    """Give what there is to know of a mesh whose error is large enough to be warned of."""
+    notes = (row["note"] for row in _core.BELTS)
+    return next((one for one in notes if one and _warned(report, one)), "")
+
+
+def _warned(report: Told, text: str) -> bool:
+    return any(text in one.text for one in report.warnings)
 
 
 def slips(report: Told) -> list[str]:
@@ -276,7 +282,7 @@ def _when(report: Told, row: PulleyRow) -> str:
         least = digits.margin(report, row.least_margin)
         worst = f"{least}-fold at the worst instant, t = {row.worst_time:.4g} s"
         told.append(f"but {worst}" if told else f"when all loads have grown {worst}")
-    if told and of_paper(report):
+    if told and note_on_mesh(report):
         told.append("on the paper's mesh; the drive's own margin is lower")
     return ", ".join(told)
 
@@ -341,7 +347,7 @@ def _spans(report: Told) -> Table:
     return Table(title, heading, rows, tuple(remarks))
 
 
-#: What the parts of a mount are called; units of travel and force of a kind, and the scale.
+#: What the parts of a mount are called.
 _PARTS = {
     "travel": "travel",
     "to_stop": "to the nearer stop",
@@ -351,17 +357,13 @@ _PARTS = {
     "stop": "stop",
     "belt": "belt",
 }
-_OF_KIND = {
-    "arm": ("deg", "N m", 180.0 / math.pi),
-    "slider": ("mm", "N", 1e3),
-    "path": ("mm", "N", 1e3),
-}
 
 
 def _mounts(report: Told) -> Table:
     rows = []
     for row in report.mounts:
-        way, force, scale = _OF_KIND[row.kind]
+        kind = KINDS[row.kind]
+        scale, way = kind.shown
         for field, words in _PARTS.items():
             value: Spread | None = getattr(row, field)
             if value is None:
@@ -369,12 +371,12 @@ def _mounts(report: Told) -> Table:
             of_way = field in ("travel", "to_stop")
             factor = scale if of_way else 1.0
             line = field == "travel" and row.frequency is not None
-            if field == "spring" and row.kind == "slider":
-                words = "spring, hung weight"
+            if field == "spring":
+                words = kind.spring
             rows.append(
                 (
                     f"{row.name}, {words}",
-                    way if of_way else force,
+                    way if of_way else kind.force,
                     (shown := digits.of_mount(report, row, value, factor))[0],
                     between(shown[1:]),
                     digits.line_frequency(report, row) if line else "",
@@ -383,14 +385,8 @@ def _mounts(report: Told) -> Table:
             )
     heading = ("mount", "in", "mean", "range", "line Hz", "+-")
     kinds = {row.kind for row in report.mounts}
-    remarks = []
-    if "arm" in kinds:
-        remarks.append("Arms: travel from the drawn place and torques counter-clockwise.")
-    if "slider" in kinds:
-        remarks.append("Sliders: travel from the drawn place and forces along their direction.")
-    if "path" in kinds:
-        remarks.append("Paths: distance of the axis from the drawn place.")
-    return Table("Mounts: travel, and what acts on them", heading, rows, tuple(remarks))
+    remarks = tuple(kind.remark for kind in KINDS.values() if kind.name in kinds)
+    return Table("Mounts: travel, and what acts on them", heading, rows, remarks)
 
 
 def _creep(report: Told) -> Table:

@@ -8,6 +8,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
+from .. import _core
 from ..arcs import contact_points
 from ..checks import Array
 from ..gross_slip import GrossSlip, gross_slip
@@ -106,11 +107,10 @@ def touching(window: Window) -> Touching | None:
         return None
     belt, l0 = run.belt, float(params.info["link_length"])
     force, deformation = window.of(run.joints.force), window.of(run.joints.deformation)
-    along_links = params.belt.mesh == "joint"
-    string = params.belt_model == "string"
+    facts = params._belt_facts
     at = contact_points(params, belt, window.rows)
     x, y = at[..., 0], at[..., 1]
-    if not along_links or string:  # friction acts between the joints, or bars, on both sides
+    if not facts["at_joints"]:  # friction acts between the joints, or bars, on both sides
         force = 0.5 * (force + np.roll(force, -1, axis=1))
         deformation = 0.5 * (deformation + np.roll(deformation, -1, axis=1))
     stretch = 1.0 + deformation / l0
@@ -120,7 +120,7 @@ def touching(window: Window) -> Touching | None:
     axis = centers[rows, np.maximum(touched, 0)]
     dx, dy = x - axis[..., 0], y - axis[..., 1]
     radius = np.hypot(dx, dy)
-    chord = _chord(0.5 * l0 / radius, stretch, along_links, string)
+    chord = _chord(0.5 * l0 / radius, stretch, facts)
     normal, friction = window.of(run.contact.normal), window.of(run.contact.friction)
     speed, speeds = _speed(window, touched, stretch)
     n_p = len(params.pulleys)
@@ -148,17 +148,17 @@ def touching(window: Window) -> Touching | None:
     )
 
 
-def _chord(half: Array, stretch: Array, along_links: bool, string: bool) -> Array:
+def _chord(half: Array, stretch: Array, facts: _core.BeltFacts) -> Array:
     """Give the radius of the arc that a polygon stands for, over that of its places.
 
     A pitch of belt, of the length l0 lambda, takes up an angle; that length over this angle is the
     radius. Bars of a string stretch along their chord. Links do not, half = l0 / (2 radius) is half
     of their angle but for its curve, and the gaps between them lie along the circle.
     """
-    if string:
+    if facts["stretches"]:
         chord = np.clip(half * stretch, 0.0, 1.0)
         return np.asarray(chord / np.arcsin(chord))
-    angle = np.arcsin(np.clip(half, 0.0, 1.0)) if along_links else np.arctan(half)
+    angle = np.arctan(half) if facts["tangents"] else np.arcsin(np.clip(half, 0.0, 1.0))
     return np.asarray(stretch * half / (angle + (stretch - 1.0) * half))
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import attrs
 import numpy as np
 
 from ..checks import Array, close_to, shown
-from ..mounts import Arm
+from ..labelled import described, dimensions, mount_kinds, places
+from ..mounts import KINDS
 from ..naming import index_of, span_name
 from ..outputs import array_names
 
@@ -16,26 +18,6 @@ if TYPE_CHECKING:
     from ..result import Result  # imports the report, which imports this
 
 __all__ = ["Signal", "signal"]
-
-_UNITS = {
-    "pulleys": {"theta": "rad", "omega": "rad/s", "torque": "N m", "load": "N"},
-    "belt": {"x": "m", "y": "m", "phi": "rad", "vx": "m/s", "vy": "m/s", "vphi": "rad/s"},
-    "joints": {"deformation": "m", "force": "N"},
-    "couplings": {
-        "rim_angle": "rad",
-        "rim_speed": "rad/s",
-        "windup": "rad",
-        "transmitted": "N m",
-    },
-    "contact": {"normal": "N", "friction": "N", "mu": "1", "slip": "m", "velocity": "m/s"},
-}
-_SELECTED_BY = {
-    "pulleys": "pulley",
-    "belt": "link",
-    "joints": "joint",
-    "contact": "link",
-    "couplings": "pulley",
-}
 
 
 @attrs.frozen(eq=False)
@@ -69,8 +51,9 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
             f"output must be one of {listed}, got {output!r}; which span or pulley of it is said "
             "by span=, pulley= and the like"
         )
-    by = "span" if output == "span_tension" else "mount" if group == "mounts" else None
-    by = by or _SELECTED_BY[group]
+    size, unit, _ = described()[output]
+    dimension = dimensions(output, size)[0]
+    by = "pulley" if dimension == "coupling" else dimension
     given = {key: value for key, value in where.items() if value is not None}
     if set(given) - {by}:
         raise TypeError(f"{output} is selected by {by}=, not by {', '.join(set(given) - {by})}=")
@@ -78,11 +61,11 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
     if held is None:
         raise ValueError(f"{output}: this drive has no {group}")
     values = np.asarray(getattr(held, name or output)[rows], dtype=float)
-    names, unit = _columns(result, output, by)
+    names = _columns(result, dimension)
     if values.ndim == 3:  # forces in x and y
         values = np.linalg.norm(values, axis=-1)
     if by in given:
-        column = _column(result, by, given[by], names)
+        column = _column(result, by, given[by], names, result.params._having.get(size))
     else:
         change = values - values.mean(axis=0)
         rms = np.sqrt(np.mean(change**2, axis=0))
@@ -96,42 +79,29 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
             f"{chosen.size} samples: it has no spectrum; {by}= selects another"
         )
     words = {"span_tension": "tension", "pulleys.load": "hub load"}.get(output, output)
-    unit_of = unit[column] if isinstance(unit, list) else unit
-    return Signal(f"{words} of {names[column]}", unit_of, chosen)
+    if " or " in unit:
+        unit = KINDS[mount_kinds(result.params)[column]].unit(unit)
+    return Signal(f"{words} of {names[column]}", unit, chosen)
 
 
-def _columns(result: Result, output: str, by: str) -> tuple[list[str], str | list[str]]:
-    """Give what the columns of an output are called, and their unit or units."""
-    params = result.params
-    pulleys, n = params.pulley_names, len(params.pulley_names)
-    if by == "span":
-        return [
-            "span " + span_name(k, pulleys, unnamed=f"{k} to {(k + 1) % n}") for k in range(n)
-        ], "N"
-    if by == "mount":
-        arms = [isinstance(params.pulleys[k].mount, Arm) for k in params.mounted]
-        end = output.rpartition(".")[2]
-        of_arm, other = {"travel": ("rad", "m"), "travel_speed": ("rad/s", "m/s")}.get(
-            end, ("N m", "N")
-        )
-        return [pulleys[k] for k in params.mounted], [of_arm if arm else other for arm in arms]
-    group, _, name = output.partition(".")
-    unit = _UNITS[group].get(name, "1")
-    if group == "couplings":
-        return [pulleys[k] for k in params.coupled], unit
-    if by == "pulley":
-        return list(pulleys), unit
-    return [f"{by} {k}" for k in range(params.belt.n_bodies)], unit
+def _columns(result: Result, dimension: str) -> list[str]:
+    """Give what the columns of an output are called."""
+    if dimension == "span":
+        pulleys, n = result.params.pulley_names, len(result.params.pulley_names)
+        return ["span " + span_name(k, pulleys, unnamed=f"{k} to {(k + 1) % n}") for k in range(n)]
+    found = places(result.params)[dimension]
+    return [f"{dimension} {k}" if isinstance(k, int) else k for k in found]
 
 
-def _column(result: Result, by: str, value: object, names: list[str]) -> int:
+def _column(
+    result: Result, by: str, value: object, names: list[str], having: tuple[int, ...] | None
+) -> int:
+    """Give the column that a value of span=, pulley= ... names; of parts by their pulley."""
     pulleys = result.params.pulley_names
     if by == "mount":
         index = index_of(by, value, pulleys) if isinstance(value, str) else None
         if index is not None:
-            if index not in result.params.mounted:
-                raise ValueError(f"mount: {pulleys[index]} has none")
-            return list(result.params.mounted).index(index)
+            return _part(by, index, having, pulleys)
     elif by == "span" and isinstance(value, str) and not value.isdecimal():
         spans = [name.removeprefix("span ") for name in names]
         asked = value.removeprefix("span ")
@@ -144,5 +114,14 @@ def _column(result: Result, by: str, value: object, names: list[str]) -> int:
             )
         return pulleys.index(value)
     elif by in ("span", "pulley"):
-        return index_of(by, value, pulleys)
+        return _part(by, index_of(by, value, pulleys), having, pulleys)
     return index_of(by, value, names)
+
+
+def _part(by: str, pulley: int, having: tuple[int, ...] | None, pulleys: Sequence[str]) -> int:
+    """Give the column of a pulley, of those that have a part."""
+    if having is None:
+        return pulley
+    if pulley not in having:
+        raise ValueError(f"{by}: {pulleys[pulley]} has none")
+    return having.index(pulley)

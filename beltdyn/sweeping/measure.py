@@ -12,7 +12,7 @@ import numpy as np
 
 from ..checks import Array, close_to, share_of_run
 from ..histories import Stats, absent_groups
-from ..labelled import described, span_names, unit_of_mounts
+from ..labelled import described, dimensions, places, unit_of_mounts
 from ..params import Params
 from ..report import flat, make_report
 from ..report.window import Window
@@ -350,19 +350,11 @@ def _of_result(result: Result, name: str, last: float) -> Found:
 
 
 def _axes(result: Result, group: str, size: str) -> tuple[Axis, ...]:
-    names, n_b = result.params.pulley_names, result.params.belt.n_bodies
-    if size == "SPANS":
-        spans = tuple(span_names(result.params))
-        return (Axis("span", spans, len(spans)),)
-    if size in ("LINKS", "FRICTION"):
-        return (Axis("joint" if group == "joints" else "link", (), n_b),)
-    if size == "MOUNTS":
-        mounts = tuple(names[k] for k in result.params.mounted)
-        return (Axis("mount", mounts, len(mounts)),)
-    if size in ("PULLEYS", "PLANE"):
-        pulley = Axis("pulley", tuple(names), len(names))
-        return (pulley, Axis("xy", ("x", "y"), 2)) if size == "PLANE" else (pulley,)
-    return ()
+    found = places(result.params)
+    return tuple(
+        Axis(dim, () if dim in ("link", "joint") else tuple(found[dim]), len(found[dim]))
+        for dim in dimensions(f"{group}.", size)
+    )
 
 
 def _reduced(window: Window, values: Array, how: str) -> Any:

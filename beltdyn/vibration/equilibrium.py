@@ -15,14 +15,12 @@ import numpy as np
 
 from ..checks import Array
 from ..errors import SimulationError
-from ..mounts import Path, axis_direction
 from ..params import Params
 from ..run_warnings import silenced
 from ..simulation import simulate
 from ..state import State
 from ..torques import PiecewiseLinear, TorqueLike
 from .linear import passing_of
-from .participation import mount_inertia
 from .torque_slopes import torques_at
 
 __all__ = ["imbalance"]
@@ -77,13 +75,11 @@ def _forces(
         torque = abs(float(rate["rim_speed"][c])) * params.coupled_inertias[c]
         out.append((torque / params.pulleys[k].radius, f"the rim of {params.label(k)}"))
     centers = params.centers(core["travel"]) if params.mounted else params.centers()
-    for m, k in enumerate(params.mounted):
-        mount = params.pulleys[k].mount
-        if not isinstance(mount, Path) and mount is not None:
-            lever = float(np.hypot(*axis_direction(mount, np.array(centers[k]))))
-            weight = mount_inertia(params, k)
-            force = abs(float(rate["travel_speed"][m])) * weight / max(lever, 1e-12)
-            out.append((force, f"the mount of {params.label(k)}"))
+    for m, k, mount in params._moving:
+        lever = float(np.hypot(*mount._direction(centers[k])))
+        weight = params._model.mounts[m]["inertia"]
+        force = abs(float(rate["travel_speed"][m])) * weight / max(lever, 1e-12)
+        out.append((force, f"the mount of {params.label(k)}"))
     return out
 
 

@@ -1,12 +1,8 @@
 """The drive linearised at a state: its Jacobian as a sparse matrix.
 
-The core solves (1 - g J) k = g c, J its analytic Jacobian (:meth:`beltdyn._core.Model.solve`), by a
-system that goes once round the ring. With unit vectors for c and a g so short that |g J| is some
-1e-3, k / g - c = B = g J + (g J)^2 + ..., of which every entry but the diagonal comes without a
-difference of large numbers, and g J = B - B^2 + B^3 - ... to rounding. Entries decay so fast with
-the distance of links that B is sparse. That takes as many solves as there are unknowns, and gives
-what a solve at real shifts does not: shifts anywhere in the complex plane by a sparse LU, torques
-that depend on speeds, prescribed motions, and the running belt, as entries of one matrix.
+The core hands it out (:meth:`beltdyn._core.Model.jacobian`), as its implicit methods have it. One
+matrix gives shifts anywhere in the complex plane by a sparse LU, torques that depend on speeds,
+prescribed motions, and the running belt.
 
 Left out are the slip displacements and the angles of rims, on which nothing depends (a coupling
 knows its windup), and friction states of links that
@@ -30,7 +26,6 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..checks import Array
-from ..mounts import Arm, Path, Slider, axis_direction
 from ..optional import scipy_module
 from ..params import Params
 from ..state import State
@@ -39,17 +34,9 @@ __all__ = ["LINK_FIELDS", "Complex", "Linear", "linearise", "passing_of", "scipy
 
 Complex = NDArray[np.complex128]
 
-#: |g J| of the solves that the Jacobian is read off, and powers of it that are not rounding.
-SHORT, TERMS = 4e-3, 7
-#: Most trials for g.
-TRIES = 3
-#: Entries of B, against its norm, below which they are what rounding leaves.
-NOTHING = 1e-19
 #: Slower than this share of the rate at which the slowest wave passes links, the belt is at rest.
 CRAWL = 1e-6
-_POSITIONS = ("x", "y", "phi", "theta", "travel")
 _SPEEDS = ["vx", "vy", "vphi", "omega", "travel_speed", "rim_speed"]
-_RATES = {"x": "vx", "y": "vy", "phi": "vphi", "theta": "omega", "travel": "travel_speed"}
 #: Of which each link, or each state of friction of a link, has one.
 LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
 _SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
@@ -166,8 +153,8 @@ def linearise(
     """
     sparse, _ = scipy_sparse()
     core = state._to_core(params)
-    names, index = _unknowns(params, core)
-    jacobian, unit = _jacobian(params, core, names, index)
+    jacobian, names, index = _jacobian(params, core, sparse)
+    unit = _units(params, names, jacobian)
     if torque_slopes is not None:
         jacobian = jacobian + _of_torques(params, names, torque_slopes, sparse)
     passing = passing_of(params, core) if places else 0.0
@@ -178,9 +165,8 @@ def linearise(
         jacobian = jacobian - passing * _derivative(params, names, index, keep, passing, sparse)
     jacobian = jacobian.tocsc()
     fixed = np.isin(names, ["theta", "omega"]) & np.isin(index, prescribed)
-    paths = [m for m, k in enumerate(params.mounted) if isinstance(params.pulleys[k].mount, Path)]
     of_mounts = np.isin(names, ["travel", "travel_speed", "mount_friction"])
-    fixed |= of_mounts & np.isin(index, paths)
+    fixed |= of_mounts & ~np.isin(index, [m for m, *_ in params._moving])
     inner = np.flatnonzero(keep & ~fixed)
     given = tuple(jacobian[:, np.flatnonzero(names == name)][inner] for name in ("theta", "omega"))
     return Linear(
@@ -197,37 +183,22 @@ def linearise(
     )
 
 
-def _unknowns(params: Params, core: Mapping[str, Any]) -> tuple[Any, NDArray[np.intp]]:
-    left_out = {"slip", "rim_angle"} | ({"phi", "vphi"} if params.belt_model == "string" else set())
-    sizes = {name: np.size(core[name]) for name in _SIZES if name not in left_out}
+def _jacobian(
+    params: Params, core: Mapping[str, Any], sparse: Any
+) -> tuple[Any, Any, NDArray[np.intp]]:
+    """J of the unknowns but for what is left out, the field of each and its place in it."""
+    sizes = {name: np.size(core[name]) for name in _SIZES}
     names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
-    return names, np.concatenate([np.arange(size) for size in sizes.values()])
+    index = np.concatenate([np.arange(size) for size in sizes.values()])
+    rows, columns, values = params._model.jacobian(core)
+    whole = sparse.csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))
+    own = params._belt_facts["fields"]
+    used = [name for name, size in _SIZES.items() if size != "LINKS" or name in own]
+    kept = np.flatnonzero(np.isin(names, used) & ~np.isin(names, ["slip", "rim_angle"]))
+    return whole[:, kept][kept], names[kept], index[kept]
 
 
-def _columns(
-    params: Params, core: Mapping[str, Any], names: Any, index: Any, g: float, which: Any
-) -> Any:
-    """B of the text at the head for unit vectors, sparse; of rates and places as they are."""
-    sparse, _ = scipy_sparse()
-    model = params._model
-    fields = list(dict.fromkeys(names.tolist()))
-    zeros = {name: np.zeros(np.size(value)) for name, value in core.items() if name != "t"}
-    columns = []
-    for j in which:
-        one = zeros[names[j]].copy()
-        one[index[j]] = 1.0
-        k = model.solve(core, g, {**zeros, names[j]: one, "t": 0.0})
-        column = np.concatenate([k[name] for name in fields]) / g
-        column[j] -= 1.0
-        rows = np.flatnonzero(column)
-        columns.append((rows, column[rows]))
-    rows = np.concatenate([c[0] for c in columns])
-    values = np.concatenate([c[1] for c in columns])
-    ends = np.cumsum([0, *(len(c[0]) for c in columns)])
-    return sparse.csc_matrix((values, rows, ends), shape=(len(names), len(columns)))
-
-
-def _units(params: Params, names: Any, index: Any, b: Any, g: float, columns: Any) -> Array:
+def _units(params: Params, names: Any, jacobian: Any) -> Array:
     """Sizes of the unknowns at a motion of the belt by 1 m, and of velocities by 1 m/s."""
     info, unit = params.info, np.ones(len(names))
     radii = np.array([pulley.radius for pulley in params.pulleys])
@@ -235,17 +206,15 @@ def _units(params: Params, names: Any, index: Any, b: Any, g: float, columns: An
     for name in ("theta", "omega"):
         unit[names == name] = 1.0 / radii
     at, levers = params.centers(), np.ones(len(params.mounted))
-    for m, k in enumerate(params.mounted):
-        mount = params.pulleys[k].mount
-        if isinstance(mount, (Arm, Slider)):
-            levers[m] = np.hypot(*axis_direction(mount, at[k]))
+    for m, k, mount in params._moving:
+        levers[m] = np.hypot(*mount._direction(at[k]))
     for name in ("travel", "travel_speed"):
         unit[names == name] = 1.0 / levers
     for name in ("rim_speed", "windup"):
         unit[names == name] = 1.0 / radii[list(params.coupled)]
     # states of friction: what a slip of 1 m makes of them as it begins
-    rates = np.isin(names[columns], _SPEEDS)
-    by_slip = abs(b[:, np.flatnonzero(rates)]).multiply(unit[columns][rates] / g)
+    rates = np.flatnonzero(np.isin(names, _SPEEDS))
+    by_slip = abs(jacobian[:, rates]).multiply(unit[rates])
     largest = np.asarray(by_slip.max(axis=1).todense()).ravel()
     for name in ("mu", "mount_friction"):
         rows = names == name
@@ -253,60 +222,6 @@ def _units(params: Params, names: Any, index: Any, b: Any, g: float, columns: An
         top = seen.max(initial=0.0)
         unit[rows] = np.where(seen > 1e-3 * top, seen, top) if top > 0.0 else 1.0
     return unit
-
-
-def _jacobian(params: Params, core: Mapping[str, Any], names: Any, index: Any) -> tuple[Any, Array]:
-    sparse, _ = scipy_sparse()
-    fastest = float(params.info["spectral_bound"])
-    g = SHORT / fastest
-    few = np.flatnonzero((index % 5 == 0) | ~np.isin(names, ["x", "y", "phi", "vx", "vy", "vphi"]))
-    every = np.arange(len(names))
-    rates = np.isin(names, _SPEEDS)
-    for _ in range(TRIES):  # a g so short, from every fifth link
-        b = _columns(params, core, names, index, g, few)
-        unit = _units(params, names, index, b, g, few)
-        scale = unit * np.where(rates, fastest, 1.0)
-        size = abs(sparse.diags(1.0 / scale) @ b @ sparse.diags(scale[few])).max()
-        if size <= 2.0 * SHORT:
-            break
-        g *= SHORT / size
-    b = _columns(params, core, names, index, g, every)
-    unit = _units(params, names, index, b, g, every)
-    scale = unit * np.where(rates, fastest, 1.0)
-    b = _without_dust(sparse.diags(1.0 / scale) @ b @ sparse.diags(scale))
-    total, power = b.copy(), b
-    for k in range(2, TERMS + 1):
-        power = _without_dust(power @ b)
-        total = total - power if k % 2 == 0 else total + power
-    total = _coupled(params, names, index, total.tocoo(), sparse)
-    j = (sparse.diags(scale) @ total @ sparse.diags(1.0 / scale) / g).tolil()
-    for place, rate in _RATES.items():  # exactly: q' = v
-        rows, columns = np.flatnonzero(names == place), np.flatnonzero(names == rate)
-        if rows.size:
-            j[rows] = sparse.csr_matrix(
-                (np.ones(rows.size), (np.arange(rows.size), columns)), (rows.size, len(names))
-            )
-    return j.tocsc(), unit
-
-
-def _without_dust(matrix: Any) -> Any:
-    matrix = matrix.tocsc()
-    matrix.data[np.abs(matrix.data) < NOTHING] = 0.0
-    matrix.eliminate_zeros()
-    return matrix
-
-
-def _coupled(params: Params, names: Any, index: Any, total: Any, sparse: Any) -> Any:
-    """Drop what rounding has left between links that do not act on each other."""
-    n = params.belt.n_bodies
-    of_link = np.isin(names, ["x", "y", "phi", "vx", "vy", "vphi", "mu"])
-    link = index % n
-    apart = np.abs(link[total.row] - link[total.col])
-    apart = np.minimum(apart, n - apart)
-    near = ~(of_link[total.row] & of_link[total.col]) | (apart <= 2)
-    return sparse.csc_matrix(
-        (total.data[near], (total.row[near], total.col[near])), shape=total.shape
-    )
 
 
 def _of_torques(params: Params, names: Any, slopes: tuple[Array, Array], sparse: Any) -> Any:

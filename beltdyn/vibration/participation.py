@@ -16,16 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import Array
-from ..mounts import Arm
+from ..labelled import mount_kinds
+from ..mounts import KINDS
 from ..naming import span_name
 from ..params import Params
 from ..route import route_at
+from ..spans import has_angles
 from .linear import Complex, Linear
 
 __all__ = [
     "Participation",
     "Sections",
-    "mount_inertia",
     "participation",
     "same_modes",
     "sections",
@@ -94,7 +95,7 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
     mass, turning = float(info["link_mass"]), float(info["link_inertia"])
     vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
     whole = mass * (abs(vx) ** 2 + abs(vy) ** 2)
-    if params.belt_model != "string":
+    if has_angles(params):
         whole += turning * abs(linear.field(vectors, "vphi")) ** 2
     n_p, n = len(params.pulleys), vectors.shape[1]
     across = np.zeros((n, n_p))
@@ -108,7 +109,7 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
     rims = (beyond * abs(linear.field(vectors, "rim_speed")) ** 2).T
     for c, k in enumerate(params.coupled):
         turns[:, k] += rims[:, c]
-    weight = np.array([mount_inertia(params, k) for k in params.mounted]).reshape(-1, 1)
+    weight = np.array([one["inertia"] for one in params._model.mounts]).reshape(-1, 1)
     moved = (weight * abs(linear.field(vectors, "travel_speed")) ** 2).T
     belt = whole.sum(axis=0) - across.sum(axis=1)
     total = belt + across.sum(axis=1) + turns.sum(axis=1) + moved.sum(axis=1)
@@ -125,11 +126,11 @@ def weighted(linear: Linear, vectors: Complex) -> Complex:
     params, info = linear.params, linear.params.info
     mass, turning = float(info["link_mass"]), float(info["link_inertia"])
     inertia = params.shaft_inertias
-    carried = np.array([mount_inertia(params, k) for k in params.mounted])
+    carried = np.array([one["inertia"] for one in params._model.mounts])
     weights: dict[str, Any] = {
         "vx": mass,
         "vy": mass,
-        "vphi": 0.0 if params.belt_model == "string" else turning,
+        "vphi": turning if has_angles(params) else 0.0,
         "omega": inertia[:, None],
         "rim_speed": params.coupled_inertias[:, None],
         "travel_speed": carried[:, None],
@@ -161,14 +162,6 @@ def same_modes(own: Complex, others: Complex) -> tuple[NDArray[np.intp], Array]:
     return which, product[np.arange(len(which)), which]
 
 
-def mount_inertia(params: Params, pulley: int) -> float:
-    """Inertia of a mount that its travel moves [kg m^2 of an arm, kg]."""
-    mount = params.pulleys[pulley].mount
-    if isinstance(mount, Arm):
-        return mount.inertia
-    return float(getattr(mount, "mass", 0.0)) + float(getattr(mount, "weight", 0.0))
-
-
 def names(
     linear: Linear, vectors: Complex, where: Sections, shares: Participation
 ) -> tuple[str, ...]:
@@ -185,9 +178,8 @@ def _name(linear: Linear, vector: Complex, where: Sections, shares: Participatio
             parts.append((float(share), f"{_span(between)}, {_order(linear, vector, where, span)}"))
     parts.append((float(shares.pulleys[k].sum()), _rotation(params, linear, vector, shares, k)))
     for m, share in enumerate(shares.mounts[k]):
-        pulley = params.mounted[m]
-        kind = "arm" if isinstance(params.pulleys[pulley].mount, Arm) else "carriage"
-        parts.append((float(share), f"{kind} of {params.pulley_names[pulley]}"))
+        row, pulley = KINDS[mount_kinds(params)[m]], params.mounted[m]
+        parts.append((float(share), f"{row.part} of {params.pulley_names[pulley]}"))
     parts.sort(key=lambda part: -part[0])
     name = parts[0][1]
     return name if parts[1][0] < SECOND else f"{name}; with {parts[1][1]}"

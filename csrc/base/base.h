@@ -4,10 +4,10 @@
  *
  * Layout. One flat, 64-byte aligned vector: LINK_FIELDS blocks of `stride` doubles, then a tail
  *
- *   | x | y | phi | vx | vy | vphi | mu (slots, states) | slip (slots) || theta | omega | mounts
+ *   | x | y | phi | vx | vy | vphi | mu (slots, states) | slip (slots) || theta | omega | parts
  *   | work |
  *
- * A string of point masses has neither phi nor vphi.
+ * Of the first six a belt has those of its model, one after the other.
  * In a block link i stands at BD_HALO + i; what stands before link 0 and after link n-1 is padding,
  * kept at rest.
  * Positions are relative to the model's origin and phi to `turns` whole turns, so neither a far
@@ -23,7 +23,7 @@
 #define BD_LANES 8 /* blocks are padded to the widest vector */
 #define BD_ALIGN 64
 
-/* Rows of BD_STATE_FIELDS; of a field of links also the number of its block (bd_block), F_MU the
+/* Rows of BD_STATE_FIELDS; of a field of links its block is bd_block, F_MU the
  * first of the friction slots' states (bd_f_state). */
 enum {
 #define X(symbol, name, size, scale, unit, text) F_##symbol,
@@ -43,27 +43,41 @@ enum {
 
 typedef struct bd_layout {
   int n, n8, np, slots;
-  int string;             /* 1: of point masses, without phi and vphi */
-  int states;             /* of friction, of a link in a slot: the most that a law has */
-  int stride;             /* doubles per block */
-  int theta, omega, work; /* offsets of the tail */
-  int nm;                 /* mounts, */
-  const int *mounted;     /* their pulleys, and the offsets of their three rows */
-  int travel, travel_speed, mount_friction;
-  int nc;             /* couplings, */
-  const int *coupled; /* their pulleys, and the offsets of their three rows */
-  int rim_angle, rim_speed, windup;
-  const int *rim; /* by pulley the entry of the speed of what the belt runs on */
+  unsigned fields;     /* of nodes that it has: a bit each, */
+  int block[F_MU + 1]; /* and the numbers of their blocks; of the first one of friction */
+  int states;          /* of friction, of a link in a slot: the most that a law has */
+  int stride;          /* doubles per block */
+  union {              /* where each row of BD_STATE_FIELDS begins, by number and by name */
+    int offset[BD_N_FIELDS];
+    struct {
+#define X(symbol, name, size, scale, unit, text) int name;
+      BD_STATE_FIELDS(X)
+#undef X
+    };
+  };
+  int work;
+  int nm, nc;                   /* mounts, couplings, */
+  const int *mounted, *coupled; /* and their pulleys */
+  const int *rim;               /* by pulley the entry of the speed of what the belt runs on */
   int n_work;
   size_t size; /* of the whole vector */
 } bd_layout;
 
 static inline int bd_has_field(const bd_layout *lay, int field) {
-  return !lay->string || (field != F_PHI && field != F_VPHI);
+  return field >= F_MU || (lay->fields >> field & 1u);
+}
+
+static inline void bd_place_fields(bd_layout *lay, unsigned fields) {
+  int block = 0;
+  lay->fields = fields;
+  for (int f = 0; f <= F_MU; ++f) {
+    lay->block[f] = block;
+    block += bd_has_field(lay, f);
+  }
 }
 
 static inline int bd_block(const bd_layout *lay, int field) {
-  return field - lay->string * ((field > F_PHI) + (field > F_VPHI));
+  return field < F_MU ? lay->block[field] : lay->block[F_MU] + field - F_MU;
 }
 
 static inline double *bd_field(const bd_layout *lay, double *y, int field) {
@@ -72,6 +86,11 @@ static inline double *bd_field(const bd_layout *lay, double *y, int field) {
 
 static inline const double *bd_cfield(const bd_layout *lay, const double *y, int field) {
   return y + (size_t)bd_block(lay, field) * (size_t)lay->stride + BD_HALO;
+}
+
+/* The same, or NULL where the belt has no such field. */
+static inline const double *bd_find_field(const bd_layout *lay, const double *y, int field) {
+  return bd_has_field(lay, field) ? bd_cfield(lay, y, field) : NULL;
 }
 
 /* In front of the first link stands the last one. */

@@ -63,6 +63,10 @@ PyObject *bd_core_tuple(PyObject *list);
     Py_CLEAR(dict);                                                                                \
   }
 
+/* --- model.c ---------------------------------------------------------------------------------- */
+
+extern const char *const bd_core_meshes[], *const bd_core_belt_models[]; /* names of bd_belt's */
+
 /* --- scene ----------------------------------------------------------------------------------- */
 
 /* A tuple of the parameters of one group, in their order, into its C struct; called `label` in
@@ -73,6 +77,7 @@ int bd_core_read_friction(PyObject *object, const char *label, bd_friction *fric
 int bd_core_read_gravity(PyObject *object, double gravity[2]);
 /* A mount, (kind, place, numbers); arrays that it points to stay in the list `keep`. */
 int bd_core_read_mount(PyObject *entry, const char *label, bd_mount *mount, PyObject *keep);
+PyObject *bd_core_mount_directions(PyObject *module, PyObject *args);
 /* What pulleys may have of their own, an entry each, or None: in bd_pulley's words. */
 typedef struct {
   PyObject *drag, *friction, *outside, *names, *mounts, *couplings;

@@ -10,26 +10,19 @@
 
 /* --- states ---------------------------------------------------------------------------------- */
 
-enum { SIZE_LINKS, SIZE_SLOTS, SIZE_STATES, SIZE_PULLEYS, SIZE_MOUNTS, SIZE_COUPLINGS };
-
 /* The name, length kind and pointer of every state field, in the order of BD_STATE_FIELDS. */
 static const struct {
   const char *name;
   int size;
   size_t offset;
 } state_fields[] = {
-#define X(symbol, name, size, scale, unit, text) {#name, SIZE_##size, offsetof(bd_state, name)},
+#define X(symbol, name, size, scale, unit, text) {#name, BD_SIZE_##size, offsetof(bd_state, name)},
     BD_STATE_FIELDS(X)
 #undef X
 };
 
 static npy_intp length_of(int size, const bd_info *info) {
-  return size == SIZE_LINKS       ? info->n_bodies
-         : size == SIZE_SLOTS     ? (npy_intp)info->n_slots * info->n_bodies
-         : size == SIZE_STATES    ? (npy_intp)info->n_slots * info->n_states * info->n_bodies
-         : size == SIZE_MOUNTS    ? info->n_mounts
-         : size == SIZE_COUPLINGS ? info->n_couplings
-                                  : info->n_pulleys;
+  return (npy_intp)bd_size(info, size);
 }
 
 /* Hands an array (NULL: failed already) to the record, which then owns it. */
@@ -122,8 +115,8 @@ void bd_core_state_release(bd_core_state *state) {
 
 /* --- Model ----------------------------------------------------------------------------------- */
 
-static const char *const meshes[] = {[BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] = "joint", NULL};
-static const char *const belt_models[] = {
+const char *const bd_core_meshes[] = {[BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] = "joint", NULL};
+const char *const bd_core_belt_models[] = {
     [BD_BELT_AUTO] = "auto", [BD_BELT_LINKS] = "links", [BD_BELT_STRING] = "string", NULL};
 
 /* The place of a name in a list of them, which `choices` is in words. */
@@ -169,8 +162,8 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
     return NULL;
   }
   scene.pulleys = pulleys;
-  if (read_choice("mesh", mesh, meshes, "\"joint\" or \"paper\"", &scene.belt.mesh) < 0 ||
-      read_choice("model", belt_model, belt_models, "\"auto\", \"links\" or \"string\"",
+  if (read_choice("mesh", mesh, bd_core_meshes, "\"joint\" or \"paper\"", &scene.belt.mesh) < 0 ||
+      read_choice("model", belt_model, bd_core_belt_models, "\"auto\", \"links\" or \"string\"",
                   &scene.belt.model) < 0) {
     PyMem_Free(pulleys);
     Py_DECREF(keep);
@@ -316,9 +309,9 @@ static PyObject *model_set_going(PyObject *object, PyObject *args, PyObject *key
   return result;
 }
 
-static PyObject *model_belt_model(PyObject *object, void *Py_UNUSED(closure)) {
-  const int string = bd_model_is_string(((bd_core_model *)object)->model);
-  return PyUnicode_FromString(belt_models[string ? BD_BELT_STRING : BD_BELT_LINKS]);
+static PyObject *model_belt(PyObject *object, void *Py_UNUSED(closure)) {
+  const int row = bd_model_belt(((bd_core_model *)object)->model);
+  return PyUnicode_FromString(bd_belt_facts_at(row)->name);
 }
 
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
@@ -362,6 +355,45 @@ static PyObject *model_solve(PyObject *object, PyObject *args, PyObject *keyword
 }
 
 PyDoc_STRVAR(
+    jacobian_doc,
+    "jacobian($self, state, /)\n--\n\n"
+    "Entries of J, the Jacobian of rate() at a state, torques constant: rows, columns, values.\n\n"
+    "state: mapping of STATE_FIELDS by name and \"t\". Rows and columns count the numbers of\n"
+    "all fields, one after the other in the order of STATE_FIELDS. Entries that are not 0,\n"
+    "each once, in no order; phi and vphi of a string, which are no unknowns, have none.\n"
+    "Contact and friction are taken on the side of their kinks on which the state stands.\n"
+    "Raises TypeError or ValueError naming the argument, and SimulationError if it is not\n"
+    "finite.");
+
+static PyObject *copied(int type, const void *from, size_t n) {
+  const npy_intp length = (npy_intp)n;
+  PyObject *array = PyArray_SimpleNew(1, &length, type);
+  if (array && n > 0) {
+    memcpy(PyArray_DATA((PyArrayObject *)array), from,
+           n * (size_t)PyArray_ITEMSIZE((PyArrayObject *)array));
+  }
+  return array;
+}
+
+static PyObject *model_jacobian(PyObject *object, PyObject *mapping) {
+  bd_core_model *self = (bd_core_model *)object;
+  PyObject *result = NULL;
+  bd_core_state state = {0};
+  if (!bd_core_state_read(&state, mapping, &self->info)) {
+    bd_error err = {0};
+    bd_jacobian *j = NULL;
+    const int code = bd_model_jacobian(self->model, &state.state, &j, &err);
+    result = code < 0 ? bd_core_raise(code, &err)
+                      : Py_BuildValue("(NNN)", copied(NPY_INT64, j->rows, j->n),
+                                      copied(NPY_INT64, j->columns, j->n),
+                                      copied(NPY_DOUBLE, j->values, j->n));
+    bd_jacobian_free(j);
+  }
+  bd_core_state_release(&state);
+  return result;
+}
+
+PyDoc_STRVAR(
     friction_doc,
     "Friction of each pulley: a tuple of (name of the law or \"none\", coefficient in full\n"
     "slip [1], slip in which friction develops at rest [m]).");
@@ -375,6 +407,20 @@ static PyObject *model_friction(PyObject *object, void *Py_UNUSED(closure)) {
     all = bd_core_put(all, j, Py_BuildValue("(sdd)", bd_law_name(law), kinetic, slip));
   }
   return all;
+}
+
+static PyObject *model_sizes(PyObject *object, void *Py_UNUSED(closure)) {
+  const bd_core_model *self = (const bd_core_model *)object;
+  PyObject *dict = PyDict_New();
+  for (int k = 0; dict && k < BD_N_SIZES; k++) {
+    int columns[BD_N_ENERGY];
+    const size_t size = k == BD_SIZE_ENERGY ? (size_t)bd_model_energy_terms(self->model, columns)
+                                            : bd_size(&self->info, k);
+    if (bd_core_set(dict, bd_size_name(k), PyLong_FromSize_t(size)) < 0) {
+      Py_CLEAR(dict);
+    }
+  }
+  return dict;
 }
 
 static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) {
@@ -411,6 +457,7 @@ static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
     {"centers", model_centers, METH_O, centers_doc},
     BD_CORE_KEYWORDS("solve", model_solve, solve_doc),
+    {"jacobian", model_jacobian, METH_O, jacobian_doc},
     BD_CORE_KEYWORDS("set_going", model_set_going, set_going_doc),
     {"observe", model_observe, METH_O, observe_doc},
     BD_CORE_KEYWORDS("rate", model_rate, rate_doc),
@@ -427,13 +474,30 @@ static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
   return (PyObject *)travel;
 }
 
+static PyObject *model_mounts(PyObject *object, void *Py_UNUSED(closure)) {
+  const bd_core_model *self = (const bd_core_model *)object;
+  PyObject *all = PyTuple_New(self->info.n_mounts);
+  for (int m = 0; all && m < self->info.n_mounts; m++) {
+    const bd_mount_numbers numbers = bd_model_mount(self->model, m);
+    PyObject *dict = PyDict_New();
+#define X(name, text) BD_CORE_SET_NUMBER(dict, numbers, name)
+    BD_MOUNT_NUMBERS(X)
+#undef X
+    all = bd_core_put(all, m, dict);
+  }
+  return all;
+}
+
 static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
-    {"belt_model", model_belt_model, NULL, "What the belt is made of: \"links\" or \"string\".",
-     NULL},
+    {"belt", model_belt, NULL, "Name of its row in BELTS.", NULL},
     {"friction", model_friction, NULL, friction_doc, NULL},
     {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
+    {"sizes", model_sizes, NULL,
+     "How many values fields and outputs of each size have; of PLANE vectors.", NULL},
+    {"mounts", model_mounts, NULL, "Numbers of each mount as they act, given or chosen, a dict.",
+     NULL},
     {"energy_terms", model_energy_terms, NULL,
      "Columns of the output \"energy\" of its runs, rows of ENERGY_TERMS by name.", NULL},
     {NULL, NULL, NULL, NULL, NULL},

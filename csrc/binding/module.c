@@ -281,12 +281,18 @@ PyDoc_STRVAR(
     "angle over which it lies, the length of the span that follows and the sense of the\n"
     "turn; the length of the line, and its turns. Raises ValueError where there is none.");
 
+PyDoc_STRVAR(mount_directions_doc,
+             "mount_directions(kind, pair, centers, /)\n--\n\n"
+             "How the axis of a pulley at each of the centers (n, 2) moves with the travel of a\n"
+             "mount of that kind, pivot or direction (n, 2): of an angle its lever [m], else 1.");
+
 static PyMethodDef functions[] = {
     {"kernel_level", kernel_level, METH_NOARGS, kernel_level_doc},
     {"check_parameter", check_parameter, METH_VARARGS, check_parameter_doc},
     BD_CORE_KEYWORDS("friction_law", friction_law, friction_law_doc),
     {"friction_states", friction_states, METH_O, friction_states_doc},
     BD_CORE_KEYWORDS("belt_line", bd_core_belt_line, belt_line_doc),
+    {"mount_directions", bd_core_mount_directions, METH_VARARGS, mount_directions_doc},
     BD_CORE_KEYWORDS("dahl_slide", dahl_slide, dahl_slide_doc),
     BD_CORE_KEYWORDS("dahl_path", dahl_path, dahl_path_doc),
     BD_CORE_KEYWORDS("span_tension", bd_core_span_tension, bd_core_span_tension_doc),
@@ -348,6 +354,40 @@ static PyObject *method_names(void) {
   return bd_core_tuple(list);
 }
 
+static PyObject *names_of_fields(unsigned fields) {
+  static const char *const names[] = {
+#define X(symbol, name, size, scale, unit, text) #name,
+      BD_STATE_FIELDS(X)
+#undef X
+  };
+  PyObject *list = PyList_New(0);
+  for (size_t f = 0; list && f < sizeof names / sizeof names[0]; f++) {
+    list = fields >> f & 1u ? bd_core_append(list, PyUnicode_FromString(names[f])) : list;
+  }
+  return bd_core_tuple(list);
+}
+
+static PyObject *belt_table(void) {
+  PyObject *list = PyList_New(0);
+  for (int row = 0; list && row < BD_N_BELT_MODELS; row++) {
+    const bd_belt_facts *facts = bd_belt_facts_at(row);
+    PyObject *dict =
+        Py_BuildValue("{s:s, s:s, s:N}", "mesh", bd_core_meshes[facts->mesh], "model",
+                      bd_core_belt_models[facts->model], "fields", names_of_fields(facts->fields));
+#define X(name, text)                                                                              \
+  if (dict && bd_core_set(dict, #name, PyUnicode_FromString(facts->name)) < 0) {                   \
+    Py_CLEAR(dict);                                                                                \
+  }
+    BD_BELT_TEXTS(X)
+#undef X
+#define X(type, name, text) BD_CORE_SET_NUMBER(dict, *facts, name)
+    BD_BELT_FACTS(X)
+#undef X
+    list = bd_core_append(list, dict);
+  }
+  return bd_core_tuple(list);
+}
+
 static PyObject *effect_table(void) {
   PyObject *list = PyList_New(0);
   for (int k = 0; list && bd_effect_name(k); k++) {
@@ -397,7 +437,9 @@ static int add_tables(PyObject *module) {
                  add(module, "ERRORS", error_table()) < 0 ||
                  add(module, "METHODS", method_names()) < 0 ||
                  add(module, "EFFECTS", effect_table()) < 0 ||
+                 add(module, "BELTS", belt_table()) < 0 ||
                  add(module, "MAX_STRAIN", PyFloat_FromDouble(BD_MAX_STRAIN)) < 0 ||
+                 add(module, "GRAVITY", PyFloat_FromDouble(BD_GRAVITY)) < 0 ||
                  add(module, "MAX_LINKS", PyLong_FromLong(BD_MAX_LINKS)) < 0 ||
                  add(module, "__version__", PyUnicode_FromString(BD_VERSION)) < 0
              ? -1

@@ -7,6 +7,7 @@
 #include "binding/binding.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <string.h>
 
 static void fill_slab(void *data, int type, npy_intp begin, npy_intp end) {
@@ -51,19 +52,28 @@ static void *add_output(PyObject *keep, PyObject *dict, const char *name, int ty
   return data;
 }
 
-static const char *const all_names[] = {
-#define X(name, group, size, unit, text) #name,
+/* The outputs: the member of bd_output, of numbers or of indices. */
+static const struct {
+  const char *name;
+  int size;
+  size_t offset;
+  int type;
+  int by_default;
+} outputs[] = {
+#define X(name, group, size, unit, text)                                                           \
+  {#name, BD_SIZE_##size, offsetof(bd_output, name), NPY_DOUBLE, 1},
     BD_OUTPUTS(X)
 #undef X
-        "pulley",
-    "span_tension",
-    "across",
+        {"pulley", BD_SIZE_LINKS, offsetof(bd_output, pulley), NPY_INT32, 1},
+    {"span_tension", BD_SIZE_PULLEYS, offsetof(bd_output, span_tension), NPY_DOUBLE, 0},
+    {"across", BD_SIZE_ONE, offsetof(bd_output, across), NPY_DOUBLE, 0},
 };
+enum { N_OUTPUTS = sizeof outputs / sizeof outputs[0] };
 
 static int is_output(const char *name) {
   int found = 0;
-  for (size_t k = 0; name && k < sizeof all_names / sizeof all_names[0]; k++) {
-    found |= strcmp(name, all_names[k]) == 0;
+  for (int k = 0; name && k < N_OUTPUTS; k++) {
+    found |= strcmp(name, outputs[k].name) == 0;
   }
   return found;
 }
@@ -100,59 +110,24 @@ static int is_named(PyObject *names, const char *name) {
   return found;
 }
 
-enum {
-  WIDTH_PULLEYS,
-  WIDTH_PLANE,
-  WIDTH_LINKS,
-  WIDTH_FRICTION,
-  WIDTH_MOUNTS,
-  WIDTH_COUPLINGS,
-  WIDTH_ENERGY
-};
-
 int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const bd_info *info,
                        int n_energy, npy_intp rows, PyObject *names) {
-  const npy_intp width[] = {
-      [WIDTH_PULLEYS] = info->n_pulleys, [WIDTH_PLANE] = info->n_pulleys,
-      [WIDTH_LINKS] = info->n_bodies,    [WIDTH_FRICTION] = info->n_slots > 0 ? info->n_bodies : 0,
-      [WIDTH_MOUNTS] = info->n_mounts,   [WIDTH_COUPLINGS] = info->n_couplings,
-      [WIDTH_ENERGY] = n_energy,
-  };
-  const struct {
-    const char *name;
-    double **numbers; /* the member of *output, of numbers or */
-    int32_t **indices;
-    npy_intp width;
-    int vectors;
-    int by_default;
-  } rows_of[] = {
-#define X(name, group, size, unit, text)                                                           \
-  {#name, &output->name, NULL, width[WIDTH_##size], WIDTH_##size == WIDTH_PLANE, 1},
-      BD_OUTPUTS(X)
-#undef X
-          {"pulley", NULL, &output->pulley, width[WIDTH_LINKS], 0, 1},
-      {"span_tension", &output->span_tension, NULL, width[WIDTH_PULLEYS], 0, 0},
-      {"across", &output->across, NULL, 1, 0, 0},
-  };
-  for (size_t k = 0; k < sizeof rows_of / sizeof rows_of[0]; k++) {
-    const int wanted = names ? is_named(names, rows_of[k].name) : rows_of[k].by_default;
+  for (int k = 0; k < N_OUTPUTS; k++) {
+    const int wanted = names ? is_named(names, outputs[k].name) : outputs[k].by_default;
+    const int size = outputs[k].size;
+    const npy_intp width = size == BD_SIZE_ENERGY ? n_energy : (npy_intp)bd_size(info, size);
     if (wanted < 0) {
       return -1;
     }
-    if (!wanted || !rows_of[k].width) {
+    if (!wanted || !width) {
       continue;
     }
-    const int type = rows_of[k].indices ? NPY_INT32 : NPY_DOUBLE;
-    void *data =
-        add_output(keep, dict, rows_of[k].name, type, rows, rows_of[k].width, rows_of[k].vectors);
+    void *data = add_output(keep, dict, outputs[k].name, outputs[k].type, rows, width,
+                            size == BD_SIZE_PLANE);
     if (!data) {
       return -1;
     }
-    if (rows_of[k].indices) {
-      *rows_of[k].indices = data;
-    } else {
-      *rows_of[k].numbers = data;
-    }
+    memcpy((char *)output + outputs[k].offset, &data, sizeof data);
   }
   return 0;
 }

@@ -179,9 +179,6 @@ static int read_mount(PyObject *entry, const char *label, bd_pulley *pulley, own
 
 /* A tuple of the name of its group and its numbers. */
 static int read_coupling(PyObject *entry, const char *label, bd_pulley *pulley, owned *own) {
-  static const char *const kinds[] = {[BD_COUPLING_ISOLATOR] = "isolator",
-                                      [BD_COUPLING_CLUTCH] = "clutch",
-                                      [BD_COUPLING_DAMPER] = "damper"};
   const char *kind = NULL;
   PyObject *numbers;
   pulley->coupling = &own->coupling;
@@ -191,8 +188,8 @@ static int read_coupling(PyObject *entry, const char *label, bd_pulley *pulley, 
                  label, entry);
     return -1;
   }
-  for (int k = 0; k < (int)(sizeof kinds / sizeof kinds[0]); ++k) {
-    if (strcmp(kind, kinds[k]) == 0) {
+  for (int k = 0; k < BD_N_COUPLINGS; ++k) {
+    if (strcmp(kind, bd_coupling_name(k)) == 0) {
       own->coupling.kind = k;
       return bd_core_read_group(numbers, kind, label, &own->coupling.isolator);
     }

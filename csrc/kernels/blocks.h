@@ -4,8 +4,8 @@
  * bodies, states of friction. Compiled once per instruction level, in jacobian.h.
  */
 
-/* Belts by what their nodes are. */
-enum { LINKS, STRING };
+/* Belts by what contact acts on: links along their length, links at their centres, masses. */
+enum { LINKS, CENTRES, STRING };
 
 /* Entry e, by rows, of a block of node i and those from there on: 0 back, 1 diagonal, 2 ahead. */
 INLINE double *entry_of(double *tiles, const int d, int i, const int place, const int e) {
@@ -28,19 +28,31 @@ INLINE void add_to(double *array, int i, vec v) {
 
 /* r = M c_v + Q c_q; the halo of c_q is set on both sides. */
 INLINE void blocks_product(const int d, const bd_layout *lay, double *q, const double *cq,
-                           const double *cv, const double *mass, double *const *r) {
+                           const double *cv, const double *mass, double *const *r,
+                           const int joints) {
   const int stride = lay->stride;
+  const vec all_round = splat(q[0]);
+  vec inertia[3];
+  for (int u = 0; u < d; ++u) {
+    inertia[u] = splat(mass[u]);
+  }
   for (int i = 0; i < lay->n8; i += WIDTH) {
     vec out[3];
     for (int u = 0; u < d; ++u) {
-      out[u] = splat(mass[u]) * load(cv + u * stride + i);
+      out[u] = inertia[u] * load(cv + u * stride + i);
     }
     for (int k = 0; k < d; ++k) {
       const double *c = cq + k * stride + i;
       const vec near[3] = {load_unaligned(c - 1), load(c), load_unaligned(c + 1)};
       for (int place = 0; place < 3; ++place) {
         for (int u = 0; u < d; ++u) {
-          out[u] = fma_(load(entry_of(q, d, i, place, d * u + k)), near[place], out[u]);
+          const int e = d * u + k, shared = is_shared(place, e, joints);
+          if (shared || is_stored(place, e, joints)) {
+            const vec of = joints && place == BACK && (e == 6 || e == 7)
+                               ? near[BACK] - near[AHEAD] /* k e' of the link acts both ways */
+                               : near[place];
+            out[u] = fma_(shared ? all_round : load(entry_of(q, d, i, place, e)), of, out[u]);
+          }
         }
       }
     }
@@ -126,25 +138,29 @@ INLINE int moves_point(const int m, const int belt) {
 }
 
 INLINE int is_angle(const int m, const int belt) {
-  return belt != STRING && m % 3 == 2;
+  return belt == LINKS && m % 3 == 2;
 }
 
-/* What given states of friction, whose halo ahead is set, are worth at the nodes; adds to sums
- * their torque, and their force. */
+/* What given states of friction, whose halo ahead is set, are worth at the nodes; into sums their
+ * torque, with what the pulley's row has of given positions, and their force. */
 INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangent *tangent,
                            int n_runs, const bd_run *runs, int states, const bd_slot *slot,
-                           const double *cz, double *const *to, double *sums) {
-  const int stride = lay->stride;
-  vec torque = splat(0.0), x = splat(0.0), y = splat(0.0);
+                           const double *cz, const double *row, const double *cq, double *const *to,
+                           double *sums) {
+  const int stride = lay->stride, columns = belt == LINKS ? 3 : 2;
+  vec torque = splat(0.0), x = splat(0.0), y = splat(0.0), of_row = splat(0.0);
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       vec fx = splat(0.0), fy = splat(0.0), rx = splat(0.0), ry = splat(0.0);
+      for (int k = i; k < i + columns * stride; k += stride) {
+        of_row = fma_(load(row + k), load(cq + k), of_row);
+      }
       for (int k = i; k < i + states * stride; k += stride) {
         const vec z = load(cz + k);
         fx = fma_(load(slot->given_x + k), z, fx);
         fy = fma_(load(slot->given_y + k), z, fy);
         torque = fma_(load(slot->given_torque + k), z, torque);
-        if (belt != STRING) {
+        if (belt == LINKS) {
           const vec after = load_unaligned(cz + k + 1);
           rx = fma_(load_unaligned(slot->given_x + k + 1), after, rx);
           ry = fma_(load_unaligned(slot->given_y + k + 1), after, ry);
@@ -153,7 +169,7 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
       const mask link = less(lane_numbers(), splat(lay->n - i)); /* the first comes again behind */
       x += where(link, fx);
       y += where(link, fy);
-      if (belt != STRING) {
+      if (belt == LINKS) {
         const vec half = splat(0.5);
         const link_force f = force_of_ends(load(tangent->cos + i), load(tangent->sin + i),
                                            half * fx, half * fy, half * rx, half * ry);
@@ -166,7 +182,7 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
       }
     }
   }
-  sums[0] = sum(torque);
+  sums[0] = sum(torque) + sum(of_row);
   sums[1] = sum(x);
   sums[2] = sum(y);
 }
@@ -175,13 +191,13 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
 INLINE vec point_row(double *const *q, double *const *v, int k, const double *cq, const double *cv,
                      const double *move, int stride, int i, vec total, const int own,
                      const int belt) {
-  const int d = belt == STRING ? 2 : 3;
+  const int d = belt == STRING ? 2 : 3, centres = belt == CENTRES;
   vec other = splat(0.0);
-  for (int m = 0; m < 6; ++m) {
+  for (int m = 0; m < (centres ? 2 : 6); ++m) {
     if (own && !moves_point(m, belt)) {
       continue;
     }
-    const int at = m % d * stride + i + m / d - 1;
+    const int at = m % d * stride + i + (centres ? 0 : m / d - 1);
     vec x = load_unaligned(cq + at), s = load_unaligned(cv + at);
     if (move && !is_angle(m, belt)) {
       x += splat(move[m % d]);
@@ -216,14 +232,6 @@ INLINE void restore_states(const int belt, const bd_layout *lay, int n_runs, con
 }
 
 #define NODES(belt, d)                                                                             \
-  static void blocks_product_##belt(const bd_layout *lay, double *q, const double *cq,             \
-                                    const double *cv, const double *mass, double *const *r) {      \
-    blocks_product(d, lay, q, cq, cv, mass, r);                                                    \
-  }                                                                                                \
-  static double row_runs_##belt(const bd_layout *lay, int n_runs, const bd_run *runs,              \
-                                const double *row, const double *const *v) {                       \
-    return row_runs(d, lay, n_runs, runs, row, v);                                                 \
-  }                                                                                                \
   static void add_column_##belt(const bd_layout *lay, int n_runs, const bd_run *runs,              \
                                 const double *column, double factor, double *const *r) {           \
     add_column(d, lay, n_runs, runs, column, factor, r);                                           \
@@ -236,11 +244,20 @@ INLINE void restore_states(const int belt, const bd_layout *lay, int n_runs, con
 NODES(links, 3)
 NODES(string, 2)
 
-#define SOLVES(belt, of)                                                                           \
+#define SOLVES(belt, of, d)                                                                        \
+  static void blocks_product_##of(const bd_layout *lay, double *q, const double *cq,               \
+                                  const double *cv, const double *mass, double *const *r) {        \
+    blocks_product(belt == STRING ? 2 : 3, lay, q, cq, cv, mass, r, belt == CENTRES);              \
+  }                                                                                                \
+  static double row_runs_##of(const bd_layout *lay, int n_runs, const bd_run *runs,                \
+                              const double *row, const double *const *v) {                         \
+    return row_runs(d, lay, n_runs, runs, row, v);                                                 \
+  }                                                                                                \
   static void states_product_##of(const bd_layout *lay, const bd_tangent *tangent, int n_runs,     \
                                   const bd_run *runs, int states, const bd_slot *slot,             \
-                                  const double *cz, double *const *to, double *sums) {             \
-    states_product(belt, lay, tangent, n_runs, runs, states, slot, cz, to, sums);                  \
+                                  const double *cz, const double *row, const double *cq,           \
+                                  double *const *to, double *sums) {                               \
+    states_product(belt, lay, tangent, n_runs, runs, states, slot, cz, row, cq, to, sums);         \
   }                                                                                                \
   static void restore_states_##of(const bd_layout *lay, int n_runs, const bd_run *runs,            \
                                   int states, const bd_slot *slot, const double *link_mask,        \
@@ -254,5 +271,6 @@ NODES(string, 2)
                      cslip);                                                                       \
     }                                                                                              \
   }
-SOLVES(LINKS, links)
-SOLVES(STRING, string)
+SOLVES(LINKS, links, 3)
+SOLVES(CENTRES, centres, 2)
+SOLVES(STRING, string, 2)

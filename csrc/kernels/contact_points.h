@@ -454,6 +454,9 @@ INLINE bd_fill_sums fill_pulley(const bd_links *links, const bd_tangent *tangent
                      splat(fill->g),
                      splat(fill->g * fill->g),
                      splat(links->half)};
+  if (belt == CENTRES) {
+    return fill_at_centres(&f, n_runs, runs, slot, law, general, states);
+  }
   vec_sums sums = {splat(0.0), splat(0.0), splat(0.0), splat(0.0)};
   (belt == STRING ? press_string : press_links)(&f, n_runs, runs, &sums);
   if (friction || belt == STRING) {
@@ -497,8 +500,8 @@ INLINE bd_fill_sums fill_pulley(const bd_links *links, const bd_tangent *tangent
                        axis, belt, BD_LAW_##law, general, states);                                 \
   }
 #define LAW(name, class, general, states, text)                                                    \
-  FILL(name, LINKS, links, general, states) FILL(name, STRING, string, general, states)
-FILL(NONE, LINKS, links, 0, 0)
-FILL(NONE, STRING, string, 0, 0)
+  FILL(name, LINKS, links, general, states)                                                        \
+  FILL(name, CENTRES, centres, general, states) FILL(name, STRING, string, general, states)
+LAW(NONE, , 0, 0, )
 BD_LAWS(LAW)
 #undef LAW

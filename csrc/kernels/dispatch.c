@@ -9,9 +9,8 @@
 
 #include "kernels/kernels.h"
 
-extern const bd_kernels bd_kernels_baseline;
 #ifdef BD_X86_LEVELS
-extern const bd_kernels bd_kernels_avx2, bd_kernels_avx512;
+extern const bd_kernels bd_kernels_avx2[], bd_kernels_avx512[];
 #endif
 
 const bd_kernels *bd_kernels_choose(void) {
@@ -21,13 +20,13 @@ const bd_kernels *bd_kernels_choose(void) {
   __builtin_cpu_init();
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
       __builtin_cpu_supports("avx512vl")) {
-    found[n++] = &bd_kernels_avx512;
+    found[n++] = bd_kernels_avx512;
   }
   if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
-    found[n++] = &bd_kernels_avx2;
+    found[n++] = bd_kernels_avx2;
   }
 #endif
-  found[n++] = &bd_kernels_baseline;
+  found[n++] = bd_kernels_baseline;
   const char *wanted = getenv("BELTDYN_KERNELS");
   if (!wanted || !*wanted) {
     return found[0];

@@ -57,33 +57,22 @@ typedef struct bd_run {
 typedef struct bd_sums {
   double torque, contact_loss, friction_loss;
   double contact_energy; /* of press, where power is asked for */
-  double force[2];       /* on the belt, of a string */
+  double force[2];       /* on the belt, of contact in one pass */
 } bd_sums;
 
 enum { BD_MAX_STAGES = 7, MAX_VECTORS = 8 };
 
-/* Friction as the linear systems see it: none; the state times N; by slip and N alone; by one
- * state, slip and N; by several states, slip and N. */
-enum {
-  BD_FORM_NONE,
-  BD_FORM_PLAIN,
-  BD_FORM_STATELESS,
-  BD_FORM_GENERAL,
-  BD_FORM_SEVERAL,
-  BD_N_FORMS
-};
-
 struct bd_newton_kernels;
 
+/* At one instruction level, of one belt model; what its belts do not need is NULL. */
 typedef struct bd_kernels {
   const char *level;
   const struct bd_newton_kernels *newton;
-  const struct bd_kernels *string; /* for belts that are strings; NULL in those */
   /* Sets the link blocks of dy: velocities, joint accelerations, zero friction rates; returns the
    * power lost in the joints' dampers. Variants [bending][ledger]. */
   double (*joints[2][2])(const bd_links *links, const double *y, double *dy);
-  /* Adds the contact of the links' centres, or of a string along its bars, in the runs with one
-   * pulley. Variants [law][ledger]. */
+  /* Adds the contact in the runs with one pulley, of belts that have it in one pass: of the links'
+   * centres, or of a string along its bars. Variants [law][ledger]. */
   void (*contact[BD_N_LAWS][2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
                                 const bd_run *runs, const double *y, double *dy, bd_sums *sums);
   /* Contact along the links. Directions of the links at y, into links->cos, sin, for all that
@@ -108,12 +97,11 @@ typedef struct bd_kernels {
   void (*sum_forces)(int n_runs, const bd_run *runs, const bd_end_forces *forces, double out[2]);
   /* After a step, the first block of BD_LANES links in [begin, end) with a contact event: a link
    * that has come to this pulley or left it, whose friction state is to be reset or is out of
-   * bounds, or that is half a radius deep; `end` if none. owner: of the pulley's slot. Variants
-   * [along links: by nearest_ends][friction].
-   */
-  int (*find_contact_event[2][2])(const bd_links *links, const bd_contact_pulley *pulley, int index,
-                                  const double *owner, const double *nearest, const double *y,
-                                  int begin, int end);
+   * bounds, or that is half a radius deep; `end` if none. owner: of the pulley's slot; nearest: as
+   * nearest_ends gave it. Variants [friction]. */
+  int (*find_contact_event[2])(const bd_links *links, const bd_contact_pulley *pulley, int index,
+                               const double *owner, const double *nearest, const double *y,
+                               int begin, int end);
   /* An element of a friction law at one link; the law's bound, and the element's kinetic
    * coefficient. [law] */
   void (*law[BD_N_LAWS])(const bd_friction *friction, double l0, int element, double z, double v,
@@ -131,24 +119,18 @@ typedef struct bd_kernels {
                        const double *w);
 } bd_kernels;
 
+/* Of the best level, or that which is asked for, by belt model; NULL: the processor lacks it. */
 const bd_kernels *bd_kernels_choose(void);
+extern const bd_kernels bd_kernels_baseline[BD_N_BELT_MODELS];
 
 /* --- linear systems of the implicit methods: jacobian.h, ring.h ------------------------------ */
 
-/* One solve: g = gamma h, the mass of a link (mass-proportional damping included). */
+/* One solve: g = gamma h, the mass of a link (mass-proportional damping included), what moves of
+ * its ends, and angles at them, are worth at joints. */
 typedef struct bd_stage {
-  double g, mass;
+  double g, mass, k, bending;
   double slender; /* mass of a link over what its inertia is worth at its ends */
 } bd_stage;
-
-/* Blocks of the ring's matrix, by link; k, bending and damping are the joints'. */
-typedef struct bd_blocks {
-  double k, bending, damping;
-  const double *cos, *sin, *spin;
-  double *xx, *xy, *yx, *yy, *pp;
-  const double *tiles; /* where `full`: all blocks, of n nodes (bd_assembled) */
-  int n;
-} bd_blocks;
 
 /* The ring's matrices, for one g: W = M - g F_v - g^2 F_q, which is solved, and Q = g^2 F_q,
  * friction states eliminated. By tiles of BD_LANES nodes: blocks that couple a node to the one
@@ -159,42 +141,10 @@ typedef struct bd_assembled {
 } bd_assembled;
 
 /* The joints as linearised, by link: direction, angular velocity, and the joints' pull along the
- * link over half its length; for one g, what turning it does to the forces at its ends. */
+ * link over half its length. */
 typedef struct bd_tangent {
-  double *cos, *sin, *spin, *pull, *end_x, *end_y;
+  double *cos, *sin, *spin, *pull;
 } bd_tangent;
-
-/* The contact of one pulley as linearised: arrays by link, valid in the runs of links near the
- * pulley, 0 where nothing touches. rho: distance of the link's centre from the axis; n, t: the
- * outward normal and the tangent there; p: penetration; v_n, v_t, v_T: normal, tangential and slip
- * velocity. */
-typedef struct bd_contact_tangent {
-  double *nx, *ny;           /* n */
-  double *rho;               /* distance from the axis */
-  double *normal;            /* N */
-  double *normal_over_rho;   /* N / rho */
-  double *mu;                /* friction coefficient F / N */
-  double *by_normal;         /* dF/dN: mu unless the law is general */
-  double *by_state;          /* dF/dz: N unless the law is general */
-  double *by_slip;           /* dF/dv_T, of general laws */
-  double *stiff, *damp;      /* dN/dp, dN/dp' */
-  double *cross;             /* dN/dp' v_t / rho */
-  double *apart;             /* v_n / rho */
-  double *gain, *decay;      /* dz'/dv_T, -dz'/dz */
-  double *gain_normal;       /* dz'/dN, of general laws */
-  double *normal_correction; /* of N at the end of a step, beyond its tangent */
-  /* For one g: */
-  double *xx, *xy, *yx, *yy;   /* force by position */
-  double *by_given_state;      /* force by the state of friction, along -t */
-  double *torque_x, *torque_y; /* torque on the pulley by position */
-  double *row_x, *row_y;       /* the pulley's row of the border */
-  double *slide_x, *slide_y;   /* v_T by position */
-  double *state_by_slip;       /* change of z by v_T, over the step */
-  double *state_by_normal;     /* and by N, of general laws */
-  double *decay_factor;        /* what the step leaves of a given change of z: 1 / (1 + g decay) */
-} bd_contact_tangent;
-
-/* --- contact along the links: link_contact_tangent.h, contact_points.h --- */
 
 /* What a fill is for: the state y; g; and the step h that contact is seen at the end of, as long as
  * there is a rate c, to which is added what forces will be beyond their tangent. */
@@ -220,9 +170,9 @@ typedef struct bd_contact_scratch {
   double *correction[2], *end[2][BD_END_ROWS], *point[BD_POINT_ROWS];
 } bd_contact_scratch;
 
-/* What solves need of a pulley's friction, by point: its states by the six columns, times what the
- * step does (decay: what it leaves of a given change), by the pulley's spin, and what a given state
- * is worth; slip by the columns and by the spin. */
+/* What solves need of a pulley's friction, by point: its states by the columns (of links' centres
+ * two), times what the step does (decay: what it leaves of a given change), by the pulley's spin,
+ * and what a given state is worth; slip by the columns and by the spin. */
 typedef struct bd_slot {
   double *zq[6], *zv[6], *decay, *spin, *given_x, *given_y, *given_torque;
   double *sq[6], *sv[6], *rho;
@@ -243,7 +193,7 @@ typedef struct bd_axis {
 
 /* The ring cut into arcs: row j of arc a is link base[a] + j. */
 typedef struct bd_ring {
-  int n_rows;
+  int n, n_rows;
   int *base;
   double *shorter; /* 1: the arc's row 0 stands for no link */
   void *rows, *scratch, *ends;
@@ -254,41 +204,16 @@ typedef struct bd_newton_kernels {
   int width;                  /* arcs */
   int unknowns;               /* of a link: 3, or 2 of a mass of a string */
   size_t ring_row, ring_ends; /* bytes: of a row of links, of the separators */
-  /* [1 where links are coupled by full blocks: contact along links] */
-  void (*factor[2])(const bd_ring *ring, const bd_blocks *blocks);
-  void (*solve[2])(const bd_ring *ring, double k, double *x, double *y, double *p);
+  void (*factor)(const bd_ring *ring, const double *w);
+  void (*solve)(const bd_ring *ring, double *const *v);
   void (*linearise_joints)(const bd_links *links, const double *y, const bd_tangent *tangent);
-  void (*diagonal)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                   const bd_blocks *blocks);
-  void (*joints_product)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                         const double *c, double *x, double *y, double *p);
   void (*finish_nodes)(const bd_links *links, const bd_stage *stage, int n_columns,
                        const double *columns, const double *factors, const double *x,
                        const double *y, const double *p, double *c);
-  /* Variants [law]; below [BD_FORM_...]. */
-  void (*linearise_contact[BD_N_LAWS])(const bd_links *links, const bd_contact_pulley *pulley,
-                                       int n_runs, const bd_run *runs, const double *y,
-                                       const bd_contact_tangent *contact, double h);
-  double (*add_normal_correction[BD_N_FORMS])(const bd_links *links,
-                                              const bd_contact_pulley *pulley, int n_runs,
-                                              const bd_run *runs, const bd_contact_tangent *contact,
-                                              double *c);
-  double (*add_contact[BD_N_FORMS])(const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,
-                                    const bd_contact_tangent *contact, double g,
-                                    const bd_blocks *blocks, double *column_x, double *column_y);
-  double (*contact_product)(const bd_layout *lay, const bd_contact_pulley *pulley, int n_runs,
-                            const bd_run *runs, const bd_contact_tangent *contact, const double *c,
-                            double *x, double *y);
-  void (*finish_contact[BD_N_FORMS])(const bd_layout *lay, const bd_contact_pulley *pulley,
-                                     int n_runs, const bd_run *runs,
-                                     const bd_contact_tangent *contact, double g,
-                                     double angular_acceleration, double *c);
-  double (*border_row)(int n_runs, const bd_run *runs, const bd_contact_tangent *contact,
-                       const double *x, const double *y);
-  /* Belts by assembled blocks. The ring without contact, stored; contact of a pulley, added [law];
-   * products with given vectors; rows of bodies; states of friction and slip. */
+  /* The ring without contact, stored; contact of a pulley, added [law]; products with given
+   * vectors; rows of bodies; states of friction and slip. */
   void (*fill_ring)(const bd_links *links, const bd_tangent *tangent, const bd_stage *stage,
-                    const bd_blocks *b, const bd_assembled *out);
+                    const bd_assembled *out);
   bd_fill_sums (*fill_pulley[BD_N_LAWS])(const bd_links *links, const bd_tangent *tangent,
                                          const bd_contact_pulley *pulley, int n_runs,
                                          const bd_run *runs, const bd_fill *fill,
@@ -299,7 +224,7 @@ typedef struct bd_newton_kernels {
                          const double *mass, double *const *r);
   void (*states_product)(const bd_layout *lay, const bd_tangent *tangent, int n_runs,
                          const bd_run *runs, int states, const bd_slot *slot, const double *cz,
-                         double *const *to, double *sums);
+                         const double *row, const double *cq, double *const *to, double *sums);
   double (*row_runs)(const bd_layout *lay, int n_runs, const bd_run *runs, const double *row,
                      const double *const *v);
   void (*add_column)(const bd_layout *lay, int n_runs, const bd_run *runs, const double *column,
@@ -310,7 +235,5 @@ typedef struct bd_newton_kernels {
                          double *cslip);
   double (*sum_runs)(int n_runs, const bd_run *runs, const double *array);
 } bd_newton_kernels;
-
-extern const bd_newton_kernels bd_newton_baseline, bd_newton_string_baseline;
 
 #endif

@@ -12,6 +12,5 @@
 #include "kernels/normal_force.h"
 
 #include "kernels/ring.h"
-#include "kernels/ring2.h"
 
 #include "kernels/jacobian.h"

@@ -475,26 +475,27 @@ INLINE void weigh(size_t i, const size_t pair, const int m, const vec *e, double
   found->total += square;
 }
 
+/* Of a block, or of two that are a vector's components. */
+INLINE void weigh_block(const bd_layout *lay, int field, const int is_vector, const int m,
+                        const vec *e, double *const *k, const double *w, errors *found) {
+  const size_t stride = (size_t)lay->stride;
+  const size_t begin = (size_t)bd_block(lay, field) * stride + BD_HALO;
+  for (size_t i = begin; i < begin + (size_t)lay->n; i += WIDTH) {
+    weigh(i, is_vector ? stride : 0, m, e, k, w, found);
+  }
+}
+
 INLINE double error_fixed(const bd_layout *lay, double h, const int m, const double *e,
                           double *const *k, const double *w) {
-  const int string = lay->string;
   vec he[MAX_VECTORS];
   scaled(h, m, e, he);
-  const size_t stride = (size_t)lay->stride;
-  const size_t velocities = (size_t)bd_block(lay, F_VX) * stride;
-  const size_t frictions = (size_t)bd_block(lay, F_MU) * stride;
   const vec none = {0.0};
   errors found = {none, none};
-  for (int link = 0; link < lay->n; link += WIDTH) {
-    const size_t i = BD_HALO + (size_t)link;
-    weigh(i, stride, m, he, k, w, &found);
-    weigh(i + velocities, stride, m, he, k, w, &found);
-    if (!string) {
-      weigh(i + F_PHI * stride, 0, m, he, k, w, &found);
-      weigh(i + F_VPHI * stride, 0, m, he, k, w, &found);
-    }
-    for (int s = 0; s < lay->slots * lay->states; ++s) {
-      weigh(i + frictions + (size_t)s * stride, 0, m, he, k, w, &found);
+  for (int f = 0; f < bd_f_slip(lay, 0); ++f) {
+    if (bd_has_field(lay, f) && (f == F_X || f == F_VX)) {
+      weigh_block(lay, f++, 1, m, he, k, w, &found);
+    } else if (bd_has_field(lay, f)) {
+      weigh_block(lay, f, 0, m, he, k, w, &found);
     }
   }
   for (size_t i = (size_t)lay->theta; i < lay->size; i += WIDTH) {
@@ -515,17 +516,14 @@ static double error_norm(const bd_layout *lay, double h, int m, const double *e,
   return INFINITY; /* no such number of vectors */
 }
 
-extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL), PASTE(bd_newton_string_, BD_LEVEL);
+extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL), PASTE(bd_newton_centres_, BD_LEVEL),
+    PASTE(bd_newton_string_, BD_LEVEL);
 
-/* Of links, and of a string, whose joints have no bending. */
 #define STRING2(a) #a
 #define STRING(a) STRING2(a)
 #define SHARED                                                                                     \
   .level = STRING(BD_LEVEL), .law = {BD_LAWS(LAW_AT)}, .bound = {BD_LAWS(BOUND)},                  \
-  .kinetic = {BD_LAWS(KINETIC)},                                                                   \
-  .find_contact_event = {{find_contact_event_00, find_contact_event_01},                           \
-                         {find_contact_event_10, find_contact_event_11}},                          \
-  .sum_forces = sum_forces, .fastest = fastest, .combine = combine, .error_norm = error_norm
+  .kinetic = {BD_LAWS(KINETIC)}, .fastest = fastest, .combine = combine, .error_norm = error_norm
 #define LAW_AT(name, class, general, states, text) [BD_LAW_##name] = law_##name,
 #define BOUND(name, class, general, states, text) [BD_LAW_##name] = bound_##name,
 #define KINETIC(name, class, general, states, text) [BD_LAW_##name] = kinetic_##name,
@@ -535,29 +533,21 @@ extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL), PASTE(bd_newton_stri
   [BD_LAW_##name] = {rub_##name##_0, rub_##name##_1},
 #define BARS(name, class, general, states, text)                                                   \
   [BD_LAW_##name] = {string_contact_##name##_0, string_contact_##name##_1},
+#define RIGID_LINKS .joints = {{joints_00, joints_01}, {joints_10, joints_11}}
+#define ALONG .find_contact_event = {find_contact_event_10, find_contact_event_11}
 
-static const bd_kernels string_kernels = {
-    SHARED,
-    .newton = &PASTE(bd_newton_string_, BD_LEVEL),
-    .joints = {{string_joints_0, string_joints_1}},
-    .contact = {{string_contact_NONE_0, string_contact_NONE_1}, BD_LAWS(BARS)},
-    .press = {NULL, press_11},
-    .nearest_ends = nearest_ends_1,
-    .directions = string_directions,
-    .gather_points = string_gather_points,
-    .scatter_forces = string_scatter_forces,
-};
-
-const bd_kernels PASTE(bd_kernels_, BD_LEVEL) = {
-    SHARED,
-    .newton = &PASTE(bd_newton_, BD_LEVEL),
-    .string = &string_kernels,
-    .joints = {{joints_00, joints_01}, {joints_10, joints_11}},
-    .contact = {{contact_NONE_0, contact_NONE_1}, BD_LAWS(CENTRES)},
-    .press = {press_00, press_01},
-    .rub = {BD_LAWS(RUB_LINKS)},
-    .nearest_ends = nearest_ends_0,
-    .directions = directions,
-    .gather_points = gather_points,
-    .scatter_forces = scatter_forces,
+const bd_kernels PASTE(bd_kernels_, BD_LEVEL)[BD_N_BELT_MODELS] = {
+    [BD_BELT_MODEL_joint] = {SHARED, RIGID_LINKS, ALONG, .newton = &PASTE(bd_newton_, BD_LEVEL),
+                             .press = {press_00, press_01}, .rub = {BD_LAWS(RUB_LINKS)},
+                             .nearest_ends = nearest_ends_0, .directions = directions,
+                             .gather_points = gather_points, .scatter_forces = scatter_forces,
+                             .sum_forces = sum_forces},
+    [BD_BELT_MODEL_string] = {SHARED, ALONG, .newton = &PASTE(bd_newton_string_, BD_LEVEL),
+                              .joints = {{string_joints_0, string_joints_1}},
+                              .contact = {{string_contact_NONE_0, string_contact_NONE_1},
+                                          BD_LAWS(BARS)},
+                              .press = {NULL, press_11}, .nearest_ends = nearest_ends_1},
+    [BD_BELT_MODEL_paper] = {SHARED, RIGID_LINKS, .newton = &PASTE(bd_newton_centres_, BD_LEVEL),
+                             .contact = {{contact_NONE_0, contact_NONE_1}, BD_LAWS(CENTRES)},
+                             .find_contact_event = {find_contact_event_00, find_contact_event_01}},
 };

@@ -1,41 +1,61 @@
 /* SPDX-License-Identifier: MIT
  *
- * The linear solver for the ring of links, compiled once per instruction level: cyclic block
- * tridiagonal, 3 unknowns a link, O(n_b), no pivoting.
+ * The linear solver for a ring of nodes with D = 2, 3 or 4 unknowns each, compiled once per
+ * instruction level: cyclic block tridiagonal, O(n), no pivoting among nodes. D is a constant where
+ * the functions are put in place (RING below).
  *
  * The ring is cut into WIDTH arcs that are eliminated in lockstep, one vector lane an arc, one
- * row of links (the j-th of every arc) at a time. The last link of an arc, its separator, stays:
+ * row of nodes (the j-th of every arc) at a time. The last node of an arc, its separator, stays:
  * elimination couples it to the separator of the arc before (F, E below). The separators, a ring of
  * one lane each, are halved in number by every step of a cyclic reduction that all lanes take
- * together, until each stands alone. Arcs differ by one link at most; a shorter one begins with a
+ * together, until each stands alone. Arcs differ by one node at most; a shorter one begins with a
  * row of the identity that is coupled to nothing.
  *
- * Blocks (solvers/newton_system.c derives them), e' = (-sin, cos) of a link, q = -k e' + spin w e:
- *   diagonal            diag(2 k + mass + contact, ..., k22)
+ * The blocks stand in tiles (bd_assembled). Those of links that meet at joints alone have zeros,
+ * which are left out, and entries that are the same all round, with e' = (-sin, cos) of a link and
+ * q = -k e' + spin w e:
  *   link i to i - 1     [-k 1 | q_{i-1} ; k e'_i | -e'_i.q_{i-1} - bending]
- *   link i - 1 to i     [-k 1 | -q_i ; -k e'_{i-1} | -e'_{i-1}.q_i - bending]
- * The diagonal blocks are those of an inertia plus stiffness and damping, positive definite but for
- * friction and links in compression, which is why no pivot is sought among links; a solve that went
+ *   link i to i + 1     [-k 1 | -q_{i+1} ; -k e'_i | -e'_i.q_{i+1} - bending]
+ * Diagonal blocks are those of an inertia plus stiffness and damping, positive definite but for
+ * friction and links in compression, which is why no pivot is sought among nodes; a solve that went
  * wrong shows in numbers that are not finite or in the step's error. Within a block it is: of a
  * link in full slip, which is pressed back along n + mu t whichever way it moves against n, the
- * entry xx is 0 where n is at the angle of friction to y. Guarded by tests/test_jacobian.py.
+ * entry xx is 0 where n is at the angle of friction to y. Guarded by tests/c/test_kernels.c and
+ * tests/test_jacobian.py.
  */
 /* Steps of the cyclic reduction, log2 of the arcs. */
 enum { REDUCTIONS = WIDTH == 8 ? 3 : WIDTH == 4 ? 2 : WIDTH == 2 ? 1 : 0 };
 
-/* What a row keeps for the solves. */
-typedef struct ring_row {
-  vec inverse[9];      /* D^-1, D the diagonal block */
-  vec back[9];         /* coupling to the link behind: q, k e', corner; or all of it (full) */
-  vec to_separator[9]; /* E: coupling of the separator before the arc to this row */
-  vec next[9];         /* D^-1 U: what the link forward is worth here */
-  vec left[9];         /* D^-1 F: the same of the separator before the arc */
-} ring_row;
+/* Entries of the largest block, and of its factors. */
+enum { BLOCK = 16, FACTORS = 22 };
+
+/* Where blocks of a node stand: of the node behind, its own, of the one ahead. */
+enum { BACK, DIAGONAL, AHEAD };
+
+/* Whether entry e of a block is anything but 0, and whether it is the same all round the ring:
+ * where joints alone couple links, on whose own places contact may act. */
+INLINE int is_set(const int place, const int e, const int joints) {
+  return !joints || (place == DIAGONAL ? e % 3 < 2 && e < 6 : e != 1 && e != 3) || e == 8;
+}
+
+INLINE int is_shared(const int place, const int e, const int joints) {
+  return joints && place != DIAGONAL && e % 4 == 0 && e < 8;
+}
+
+/* Whether it stands in the tiles: what is the same does once, and where joints alone couple links
+ * k e' of a link stands with the link behind. */
+INLINE int is_stored(const int place, const int e, const int joints) {
+  return is_set(place, e, joints) && !(is_shared(place, e, joints) && (place == AHEAD || e > 0)) &&
+         !(joints && place == AHEAD && (e == 6 || e == 7));
+}
+
+/* What a row keeps for the solves, a block each: D^-1, D the diagonal block; the coupling to the
+ * node behind; E, that of the separator before the arc to this row; D^-1 U, what the node forward
+ * is worth here; D^-1 F, the same of the separator before the arc. */
+enum { INVERSE, BEHIND, TO_SEPARATOR, NEXT, LEFT, ROW_BLOCKS };
 
 /* What the separators keep: times what stands 1, 2, 4 arcs before and after, and D^-1. */
-typedef struct ring_ends {
-  vec before[REDUCTIONS + 1][9], after[REDUCTIONS + 1][9], inverse[9];
-} ring_ends;
+enum { BEFORE = 0, AFTER = REDUCTIONS + 1, LAST = 2 * AFTER, END_BLOCKS };
 
 /* --- lanes ----------------------------------------------------------------------------------- */
 
@@ -47,87 +67,6 @@ INLINE vec from_before(vec v, const int distance) {
 INLINE vec from_after(vec v, const int distance) {
   return turned(v, distance);
 }
-
-/* Where the arcs' rows begin. */
-INLINE void places_of(const bd_ring *ring, ptrdiff_t *at) {
-  for (int a = 0; a < WIDTH; ++a) {
-    at[a] = ring->base[a];
-  }
-}
-
-/* --- 3 x 3 blocks, rows first ---------------------------------------------------------------- */
-
-/* D = [A b; c d], A of x and y: A^-1, A^-1 b, c A^-1 and 1 / (d - c A^-1 b), by determinants, so
- * that one division does. No single entry of A is a pivot. Its determinant keeps its digits: along
- * an arc the joint ahead holds a link as much in one direction as in another, and only contact is
- * stiffer.
- */
-INLINE void decompose(vec *f, const vec *d) {
-  const vec of_a = fnma_(d[3], d[1], d[0] * d[4]);
-  const vec b0 = fnma_(d[1], d[5], d[4] * d[2]), b1 = fnma_(d[3], d[2], d[0] * d[5]);
-  const vec of_all = fnma_(d[7], b1, fnma_(d[6], b0, d[8] * of_a));
-  const vec share = 1.0 / (of_a * of_all), per_a = of_all * share;
-  f[0] = d[4] * per_a;
-  f[1] = -d[1] * per_a;
-  f[2] = -d[3] * per_a;
-  f[3] = d[0] * per_a;
-  f[4] = b0 * per_a;
-  f[5] = b1 * per_a;
-  f[6] = fma_(d[6], f[0], d[7] * f[2]);
-  f[7] = fma_(d[6], f[1], d[7] * f[3]);
-  f[8] = of_a * of_a * share;
-}
-
-/* x = D^-1 b, three entries `step` apart */
-INLINE void substitute(const vec *f, const vec *b, vec *x, const int step) {
-  const vec last = fnma_(f[7], b[step], fnma_(f[6], b[0], b[2 * step])) * f[8];
-  x[0] = fnma_(f[4], last, fma_(f[1], b[step], f[0] * b[0]));
-  x[step] = fnma_(f[5], last, fma_(f[3], b[step], f[2] * b[0]));
-  x[2 * step] = last;
-}
-
-INLINE void invert(const vec *f, vec *x) {
-  x[2] = -f[4] * f[8];
-  x[5] = -f[5] * f[8];
-  x[6] = -f[6] * f[8];
-  x[7] = -f[7] * f[8];
-  x[8] = f[8];
-  x[0] = fnma_(f[4], x[6], f[0]);
-  x[1] = fnma_(f[4], x[7], f[1]);
-  x[3] = fnma_(f[5], x[6], f[2]);
-  x[4] = fnma_(f[5], x[7], f[3]);
-}
-
-/* out -= a x for one column, its entries `step` apart */
-INLINE void take_column(const vec *a, const vec *x, vec *out, const int step) {
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) {
-      out[step * i] = fnma_(a[3 * i + j], x[step * j], out[step * i]);
-    }
-  }
-}
-
-/* out -= L x for one column of x: L is the coupling to the link behind */
-INLINE void take_behind(const vec *back, vec k, const vec *x, vec *out, const int step,
-                        const int full) {
-  if (full) {
-    take_column(back, x, out, step);
-    return;
-  }
-  const vec x0 = x[0], x1 = x[step], x2 = x[2 * step];
-  out[0] = fnma_(back[0], x2, fma_(k, x0, out[0]));
-  out[step] = fnma_(back[1], x2, fma_(k, x1, out[step]));
-  out[2 * step] = fnma_(back[4], x2, fnma_(back[3], x1, fnma_(back[2], x0, out[2 * step])));
-}
-
-/* out -= a b */
-INLINE void take_product(const vec *a, const vec *b, vec *out) {
-  for (int c = 0; c < 3; ++c) {
-    take_column(a, b + c, out + c, 3);
-  }
-}
-
-/* --- separators ------------------------------------------------------------------------------ */
 
 INLINE void all_before(const vec *block, const int n, const int distance, vec *out) {
   for (int i = 0; i < n; ++i) {
@@ -141,366 +80,309 @@ INLINE void all_after(const vec *block, const int n, const int distance, vec *ou
   }
 }
 
-/* A separator's block: L and U, l10 l20 l21, u01 u02 u12 and reciprocal pivots, by minors, its
- * first two rows exchanged (last entry: 1) where that makes the first pivot larger. By A^-1 the
- * digits would be lost by which the belt between separators is stiffer along itself than across. */
-enum { ENDS_LU = 10 };
-
-INLINE void decompose_end(vec *lu, const vec *given) {
-  const mask exchanged = less(magnitude(given[0]), magnitude(given[3]));
-  vec d[9];
-  for (int i = 0; i < 3; ++i) {
-    d[i] = choose(exchanged, given[3 + i], given[i]);
-    d[3 + i] = choose(exchanged, given[i], given[3 + i]);
-    d[6 + i] = given[6 + i];
-  }
-  const vec m11 = fnma_(d[3], d[1], d[0] * d[4]), m12 = fnma_(d[3], d[2], d[0] * d[5]);
-  const vec m21 = fnma_(d[6], d[1], d[0] * d[7]), m22 = fnma_(d[6], d[2], d[0] * d[8]);
-  const vec last = fnma_(m12, m21, m11 * m22), first = d[0] * m11;
-  const vec share = 1.0 / (first * last);
-  const vec per_d00 = m11 * last * share, per_m11 = d[0] * last * share;
-  lu[0] = d[3] * per_d00;
-  lu[1] = d[6] * per_d00;
-  lu[2] = m21 * per_m11;
-  lu[3] = d[1];
-  lu[4] = d[2];
-  lu[5] = m12 * per_d00;
-  lu[6] = per_d00;
-  lu[7] = d[0] * per_m11;
-  lu[8] = first * first * share;
-  lu[9] = where(exchanged, splat(1.0));
-}
-
-/* x = b D^-1, row by row */
-INLINE void divide_rows(const vec *lu, const vec *b, vec *x) {
-  const mask exchanged = less(splat(0.0), lu[9]);
-  for (int r = 0; r < 9; r += 3) {
-    const vec y0 = b[r] * lu[6];
-    const vec y1 = fnma_(y0, lu[3], b[r + 1]) * lu[7];
-    const vec x2 = fnma_(y1, lu[5], fnma_(y0, lu[4], b[r + 2])) * lu[8];
-    const vec x1 = fnma_(x2, lu[2], y1);
-    const vec x0 = fnma_(x2, lu[1], fnma_(x1, lu[0], y0));
-    x[r] = choose(exchanged, x1, x0);
-    x[r + 1] = choose(exchanged, x0, x1);
-    x[r + 2] = x2;
+/* Where the arcs' rows begin. */
+INLINE void places_of(const bd_ring *ring, ptrdiff_t *at) {
+  for (int a = 0; a < WIDTH; ++a) {
+    at[a] = ring->base[a];
   }
 }
+
+#include "kernels/ring_blocks.h"
+
+/* --- separators ------------------------------------------------------------------------------ */
 
 /* One step: every separator is freed of those `distance` before and after it, and is left coupled
  * to those twice as far. */
-INLINE void reduce(const int distance, vec *d, vec *left, vec *right, vec *before, vec *after) {
-  vec lu[ENDS_LU], near[9], far[ENDS_LU], new_left[9], new_right[9];
-  decompose_end(lu, d);
-  for (int i = 0; i < 9; ++i) {
-    new_left[i] = new_right[i] = splat(0.0);
-  }
-  all_before(lu, ENDS_LU, distance, far);
-  divide_rows(far, left, before);
-  all_after(lu, ENDS_LU, distance, far);
-  divide_rows(far, right, after);
-  all_before(right, 9, distance, near);
-  all_before(left, 9, distance, far);
-  take_product(before, near, d);
-  take_product(before, far, new_left);
-  all_after(left, 9, distance, near);
-  all_after(right, 9, distance, far);
-  take_product(after, near, d);
-  take_product(after, far, new_right);
-  for (int i = 0; i < 9; ++i) {
+INLINE void reduce(const int size, const int distance, vec *d, vec *left, vec *right, vec *before,
+                   vec *after) {
+  const int entries = size * size, factors = end_factors(size);
+  vec lu[FACTORS], near[BLOCK], far[FACTORS], new_left[BLOCK], new_right[BLOCK];
+  decompose_end(size, lu, d);
+  clear_block(size, new_left);
+  clear_block(size, new_right);
+  all_before(lu, factors, distance, far);
+  divide_rows(size, far, left, before);
+  all_after(lu, factors, distance, far);
+  divide_rows(size, far, right, after);
+  all_before(right, entries, distance, near);
+  all_before(left, entries, distance, far);
+  take_product(size, before, near, d, 0);
+  take_product(size, before, far, new_left, 0);
+  all_after(left, entries, distance, near);
+  all_after(right, entries, distance, far);
+  take_product(size, after, near, d, 0);
+  take_product(size, after, far, new_right, 0);
+  for (int i = 0; i < entries; ++i) {
     left[i] = new_left[i];
     right[i] = new_right[i];
   }
 }
 
 /* The last step: the separator before is the one after. */
-INLINE void reduce_last(vec *d, vec *left, const vec *right, vec *before) {
+INLINE void reduce_last(const int size, vec *d, vec *left, const vec *right, vec *before) {
   enum { HALF = WIDTH / 2 };
-  vec lu[ENDS_LU], far[ENDS_LU];
-  for (int i = 0; i < 9; ++i) {
+  vec lu[FACTORS], far[FACTORS];
+  for (int i = 0; i < size * size; ++i) {
     left[i] += right[i];
   }
   if (HALF == 0) { /* it is itself */
-    for (int i = 0; i < 9; ++i) {
+    for (int i = 0; i < size * size; ++i) {
       d[i] += left[i];
     }
     return;
   }
-  decompose_end(lu, d);
-  all_before(lu, ENDS_LU, HALF, far);
-  divide_rows(far, left, before);
-  all_before(left, 9, HALF, far);
-  take_product(before, far, d);
+  decompose_end(size, lu, d);
+  all_before(lu, end_factors(size), HALF, far);
+  divide_rows(size, far, left, before);
+  all_before(left, size * size, HALF, far);
+  take_product(size, before, far, d, 0);
 }
 
-static void separators_factor(ring_ends *ends, vec *d, vec *left, vec *right) {
-  vec lu[ENDS_LU];
+INLINE void separators_factor(const int size, vec *ends, vec *d, vec *left, vec *right) {
+  const int entries = size * size;
+  vec lu[FACTORS], one[BLOCK];
   if (REDUCTIONS > 1) {
-    reduce(1, d, left, right, ends->before[0], ends->after[0]);
+    reduce(size, 1, d, left, right, ends + BEFORE * entries, ends + AFTER * entries);
   }
   if (REDUCTIONS > 2) {
-    reduce(2, d, left, right, ends->before[1], ends->after[1]);
+    reduce(size, 2, d, left, right, ends + (BEFORE + 1) * entries, ends + (AFTER + 1) * entries);
   }
-  reduce_last(d, left, right, ends->before[REDUCTIONS > 0 ? REDUCTIONS - 1 : 0]);
-  decompose_end(lu, d);
-  for (int i = 0; i < 9; ++i) {
-    d[i] = splat(i % 4 == 0 ? 1.0 : 0.0);
+  reduce_last(size, d, left, right, ends + (REDUCTIONS > 0 ? REDUCTIONS - 1 : 0) * entries);
+  decompose_end(size, lu, d);
+  if (size != 3) {
+    invert(size, lu, ends + LAST * entries);
+    return;
   }
-  divide_rows(lu, d, ends->inverse);
+  for (int i = 0; i < entries; ++i) {
+    one[i] = splat(i % (size + 1) == 0 ? 1.0 : 0.0);
+  }
+  divide_rows(size, lu, one, ends + LAST * entries);
 }
 
-INLINE void take_neighbours(const ring_ends *ends, const int step, vec *r) {
-  vec before[3], after[3];
-  for (int i = 0; i < 3; ++i) {
-    before[i] = from_before(r[i], 1 << step);
-    after[i] = from_after(r[i], 1 << step);
-  }
-  take_column(ends->before[step], before, r, 1);
+INLINE void take_neighbours(const int d, const vec *ends, const int step, vec *r) {
+  vec before[4], after[4];
+  all_before(r, d, 1 << step, before);
+  all_after(r, d, 1 << step, after);
+  take_column(d, ends + (BEFORE + step) * d * d, before, r, 1, 0);
   if (step < REDUCTIONS - 1) {
-    take_column(ends->after[step], after, r, 1);
+    take_column(d, ends + (AFTER + step) * d * d, after, r, 1, 0);
   }
 }
 
-INLINE void separators_solve(const ring_ends *ends, vec *r, vec *u) {
+INLINE void separators_solve(const int d, const vec *ends, vec *r, vec *u) {
   if (REDUCTIONS > 0) {
-    take_neighbours(ends, 0, r);
+    take_neighbours(d, ends, 0, r);
   }
   if (REDUCTIONS > 1) {
-    take_neighbours(ends, 1, r);
+    take_neighbours(d, ends, 1, r);
   }
   if (REDUCTIONS > 2) {
-    take_neighbours(ends, 2, r);
+    take_neighbours(d, ends, 2, r);
   }
-  for (int i = 0; i < 3; ++i) {
-    u[i] = splat(0.0);
-    r[i] = -r[i];
-  }
-  take_column(ends->inverse, r, u, 1);
+  apply(d, ends + LAST * d * d, r, u);
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */
-
-/* What the couplings of a link need of it. */
-typedef struct ring_link {
-  vec ex, ey; /* e' */
-  vec qx, qy;
-} ring_link;
-
-INLINE ring_link link_of(const bd_blocks *b, const ptrdiff_t *at, const int j, vec k, vec spin) {
-  const vec c = gather(b->cos + j, at), s = gather(b->sin + j, at);
-  const vec turn = spin * gather(b->spin + j, at);
-  return (ring_link){.ex = -s, .ey = c, .qx = fma_(k, s, turn * c), .qy = fnma_(k, c, turn * s)};
-}
-
-/* Coupling of a link to the one behind it, and of that one to it. */
-INLINE void couple(const ring_link *behind, const ring_link *here, vec k, vec bending, vec *back,
-                   vec *forward) {
-  forward[0] = forward[4] = -k;
-  forward[1] = forward[3] = splat(0.0);
-  forward[2] = -here->qx;
-  forward[5] = -here->qy;
-  forward[6] = -k * behind->ex;
-  forward[7] = -k * behind->ey;
-  forward[8] = -fma_(behind->ex, here->qx, behind->ey * here->qy) - bending;
-  back[0] = behind->qx;
-  back[1] = behind->qy;
-  back[2] = k * here->ex;
-  back[3] = k * here->ey;
-  back[4] = -fma_(here->ex, behind->qx, here->ey * behind->qy) - bending;
-}
-
-/* Where the arcs' rows j stand in tiles of d x d blocks, and the nodes behind them. */
-INLINE void tiles_of(const bd_blocks *b, const ptrdiff_t *at, const int j, const int d,
-                     ptrdiff_t *here, ptrdiff_t *behind) {
-  const ptrdiff_t tile = 3 * d * d * BD_LANES;
-  for (int a = 0; a < WIDTH; ++a) {
-    const ptrdiff_t i = at[a] + j, l = i > 0 ? i - 1 : b->n - 1;
-    here[a] = i / BD_LANES * tile + i % BD_LANES;
-    behind[a] = l / BD_LANES * tile + l % BD_LANES;
-  }
-}
 
 /* How far the elimination is: the row's diagonal block D and, of the row before, its factors; what
  * couples the row to the separator before its arc, F, and that separator to the row, E; what the
  * rows so far take from that separator's diagonal block. */
 typedef struct elimination {
-  vec d[9], lu[9], left[9], to_separator[9], own[9];
+  vec d[BLOCK], lu[FACTORS], left[BLOCK], to_separator[BLOCK], own[BLOCK];
 } elimination;
 
-/* A row's blocks where they are full, and what couples the one behind to it. */
-INLINE void load_row(elimination *e, const bd_blocks *b, const ptrdiff_t *at, const int j,
-                     vec *back, vec *forward) {
-  ptrdiff_t here[WIDTH], behind[WIDTH];
-  tiles_of(b, at, j, 3, here, behind);
-  for (int i = 0; i < 9; ++i) {
-    back[i] = gather(b->tiles + i * BD_LANES, here);
-    e->d[i] = gather(b->tiles + (9 + i) * BD_LANES, here);
-    forward[i] = gather(b->tiles + (18 + i) * BD_LANES, behind);
+/* Where the nodes of the arcs' rows j stand in the tiles; the one before the first is the last. */
+INLINE void tiles_of(const int d, const bd_ring *ring, int j, ptrdiff_t *to) {
+  for (int a = 0; a < WIDTH; ++a) {
+    const int at = ring->base[a] + j, i = at < 0 ? at + ring->n : at;
+    to[a] = i / BD_LANES * (3 * d * d * BD_LANES) + i % BD_LANES;
   }
 }
 
-INLINE void set_diagonal(elimination *e, const bd_blocks *b, const ptrdiff_t *at, const int j) {
-  e->d[0] = gather(b->xx + j, at);
-  e->d[1] = gather(b->xy + j, at);
-  e->d[3] = gather(b->yx + j, at);
-  e->d[4] = gather(b->yy + j, at);
-  e->d[8] = gather(b->pp + j, at);
-  e->d[2] = e->d[5] = e->d[6] = e->d[7] = splat(0.0);
+/* A row's blocks, and what couples the one behind to it; those of the row before stand there yet
+ * (again), and with joints alone have q and k e' of the link behind, of the other sign. */
+INLINE void load_row(const int d, elimination *e, const double *w, const ptrdiff_t *here,
+                     const ptrdiff_t *behind, vec *back, vec *forward, const int again,
+                     const int joints) {
+  const vec none = splat(0.0);
+  vec q[2] = {none, none}, lever[2] = {none, none};
+  if (joints && again) {
+    for (int u = 0; u < 2; ++u) {
+      q[u] = -forward[3 * u + 2];
+      lever[u] = -back[6 + u];
+    }
+  } else if (joints) {
+    for (int u = 0; u < 2; ++u) {
+      q[u] = gather(w + (3 * u + 2) * BD_LANES, here);
+      lever[u] = -gather(w + (6 + u) * BD_LANES, behind);
+    }
+  }
+  for (int i = 0; i < d * d; ++i) {
+    const double *first = w + i * BD_LANES, *own = first + d * d * BD_LANES;
+    const int shared = is_shared(BACK, i, joints), set = is_set(BACK, i, joints);
+    const int turns = joints && (i == 2 || i == 5), levers = joints && (i == 6 || i == 7);
+    back[i] = shared ? splat(w[0]) : turns ? q[i / 3] : set ? gather(first, here) : none;
+    e->d[i] = is_set(DIAGONAL, i, joints) ? gather(own, here) : none;
+    forward[i] = shared   ? back[i]
+                 : levers ? lever[i % 2]
+                 : set    ? gather(own + d * d * BD_LANES, behind)
+                          : none;
+  }
 }
 
 /* Frees a row of the one behind it, which keeps what the solves need. */
-INLINE void eliminate_behind(elimination *e, ring_row *behind, const vec *back, const vec *forward,
-                             vec k, const int full) {
-  vec next[9], over[9], left[9], to_separator[9];
-  for (int c = 0; c < 3; ++c) {
-    substitute(e->lu, forward + c, next + c, 3);
-    substitute(e->lu, e->left + c, over + c, 3);
+INLINE void eliminate_behind(const int d, elimination *e, vec *behind, const vec *back,
+                             const vec *forward, const int joints) {
+  const int entries = d * d;
+  vec next[BLOCK], over[BLOCK], left[BLOCK], to_separator[BLOCK];
+  for (int c = 0; c < d; ++c) {
+    substitute(d, e->lu, forward + c, next + c, d);
+    substitute(d, e->lu, e->left + c, over + c, d);
   }
-  for (int i = 0; i < 9; ++i) {
-    left[i] = to_separator[i] = splat(0.0);
-    behind->next[i] = next[i];
-    behind->left[i] = over[i];
-    behind->to_separator[i] = e->to_separator[i];
+  clear_block(d, left);
+  clear_block(d, to_separator);
+  for (int i = 0; i < entries; ++i) {
+    behind[NEXT * entries + i] = next[i];
+    behind[LEFT * entries + i] = over[i];
+    behind[TO_SEPARATOR * entries + i] = e->to_separator[i];
   }
-  for (int c = 0; c < 3; ++c) {
-    take_behind(back, k, next + c, e->d + c, 3, full);
-    take_behind(back, k, over + c, left + c, 3, full);
-  }
-  take_product(e->to_separator, next, to_separator);
-  take_product(e->to_separator, over, e->own);
-  for (int i = 0; i < 9; ++i) {
+  take_product(d, back, next, e->d, joints);
+  take_product(d, back, over, left, joints);
+  take_product(d, e->to_separator, next, to_separator, 0);
+  take_product(d, e->to_separator, over, e->own, 0);
+  for (int i = 0; i < entries; ++i) {
     e->left[i] = left[i];
     e->to_separator[i] = to_separator[i];
   }
 }
 
-/* Where an arc begins, its first link meets the separator before it; begins: 1 where this row is
- * that link. */
-INLINE void meet_separator(elimination *e, vec begins, const vec *back, const vec *forward, vec k,
-                           const int full) {
-  const vec zero = splat(0.0);
-  const vec block[9] = {-k, zero, back[0], zero, -k, back[1], back[2], back[3], back[4]};
-  for (int i = 0; i < 9; ++i) {
-    e->left[i] = fma_(begins, full ? back[i] : block[i], e->left[i]);
-    e->to_separator[i] = fma_(begins, forward[i], e->to_separator[i]);
-  }
-}
-
-INLINE void ring_factor(const bd_ring *ring, const bd_blocks *b, const int full) {
-  ring_row *const row = ring->rows;
-  const int m = ring->n_rows;
-  ptrdiff_t at[WIDTH];
-  places_of(ring, at);
-  const vec k = splat(b->k), bending = splat(b->bending), spin = splat(b->damping);
+INLINE void factor_ring(const int d, const bd_ring *ring, const double *w, const int joints) {
+  const int m = ring->n_rows, entries = d * d;
+  vec *row = ring->rows;
+  ptrdiff_t here[WIDTH], behind[WIDTH];
+  tiles_of(d, ring, -1, behind);
   const vec shorter = load(ring->shorter), whole = 1.0 - shorter;
-  ring_link behind;
-  if (!full) {
-    behind = link_of(b, at, -1, k, spin);
-  }
   elimination e;
-  for (int i = 0; i < 9; ++i) {
-    e.left[i] = e.to_separator[i] = e.own[i] = e.lu[i] = splat(0.0);
-  }
-  for (int j = 0; j < m; ++j) {
-    vec *const back = row[j].back, forward[9], coupled[9];
-    if (full) {
-      load_row(&e, b, at, j, back, forward);
-    } else {
-      const ring_link here = link_of(b, at, j, k, spin);
-      couple(&behind, &here, k, bending, back, forward);
-      set_diagonal(&e, b, at, j);
-      behind = here;
+  vec back[BLOCK], forward[BLOCK];
+  clear_block(d, back);
+  clear_block(d, forward);
+  clear_block(d, e.left);
+  clear_block(d, e.to_separator);
+  clear_block(d, e.own);
+  for (int j = 0; j < m; ++j, row += ROW_BLOCKS * entries) {
+    vec coupled[BLOCK];
+    tiles_of(d, ring, j, here);
+    load_row(d, &e, w, here, behind, back, forward, j > 0, joints);
+    memcpy(behind, here, sizeof here);
+    for (int i = 0; i < entries; ++i) {
+      if (j == 0 || (is_set(BACK, i, joints) && !is_shared(BACK, i, joints))) {
+        row[BEHIND * entries + i] = back[i];
+      }
     }
     if (j > 0) {
-      for (int i = 0; i < 9; ++i) {
+      for (int i = 0; i < entries; ++i) {
         coupled[i] = j == 1 ? whole * forward[i] : forward[i];
       }
-      eliminate_behind(&e, &row[j - 1], back, coupled, k, full);
+      eliminate_behind(d, &e, row - ROW_BLOCKS * entries, back, coupled, joints);
     }
-    if (j < 2) {
-      meet_separator(&e, j == 0 ? whole : shorter, back, forward, k, full);
+    if (j < 2) { /* where an arc begins, its first node meets the separator before it */
+      const vec begins = j == 0 ? whole : shorter;
+      for (int i = 0; i < entries; ++i) {
+        e.left[i] = fma_(begins, back[i], e.left[i]);
+        e.to_separator[i] = fma_(begins, forward[i], e.to_separator[i]);
+      }
     }
     if (j == 0) { /* rows of the identity */
-      for (int i = 0; i < 9; ++i) {
-        e.d[i] = fma_(whole, e.d[i], i % 4 == 0 ? shorter : splat(0.0));
+      for (int i = 0; i < entries; ++i) {
+        e.d[i] = fma_(whole, e.d[i], i % (d + 1) == 0 ? shorter : splat(0.0));
       }
     }
     if (j < m - 1) {
-      decompose(e.lu, e.d);
-      invert(e.lu, row[j].inverse);
+      decompose(d, e.lu, e.d);
+      invert(d, e.lu, row + INVERSE * entries);
     }
   }
   /* the separator's row after the arc is that of the arc that follows */
-  vec right[9];
-  for (int i = 0; i < 9; ++i) {
+  vec right[BLOCK];
+  for (int i = 0; i < entries; ++i) {
     e.d[i] += from_after(e.own[i], 1);
     right[i] = from_after(e.to_separator[i], 1);
   }
-  separators_factor(ring->ends, e.d, e.left, right);
+  separators_factor(d, ring->ends, e.d, e.left, right);
 }
 
 /* --- solve ----------------------------------------------------------------------------------- */
 
-/* x, y, p: right-hand side in, solution out. */
-INLINE void ring_solve(const bd_ring *ring, double k_joint, double *x, double *y, double *p,
-                       const int full) {
-  const ring_row *const row = ring->rows;
+/* v: right-hand side in, solution out. */
+INLINE void solve_ring(const int d, const bd_ring *ring, double *const *v, const int joints) {
+  const int m = ring->n_rows, entries = d * d;
+  const vec *row = ring->rows;
   vec *const z = ring->scratch;
-  const int m = ring->n_rows;
   ptrdiff_t at[WIDTH];
   places_of(ring, at);
-  const vec k = splat(k_joint), zero = splat(0.0);
   const vec shorter = load(ring->shorter);
-  double *const fields[] = {x, y, p};
-  vec r[3], own[3] = {zero, zero, zero}, v[3] = {zero, zero, zero};
-  for (int j = 0; j < m; ++j) {
-    for (int i = 0; i < 3; ++i) {
-      r[i] = gather(fields[i] + j, at);
+  vec back[BLOCK], r[4], own[4], u[4], before[4], separator[4];
+  for (int i = 0; i < entries; ++i) {
+    back[i] = row[BEHIND * entries + i];
+  }
+  for (int i = 0; i < d; ++i) {
+    r[i] = own[i] = u[i] = splat(0.0);
+  }
+  for (int j = 0; j < m; ++j, row += ROW_BLOCKS * entries) {
+    for (int i = 0; i < d; ++i) {
+      r[i] = gather(v[i] + j, at);
       if (j == 0) {
         r[i] = fnma_(shorter, r[i], r[i]);
       }
     }
-    take_behind(row[j].back, k, v, r, 1, full);
+    for (int i = 0; i < entries; ++i) {
+      back[i] = is_shared(BACK, i, joints) ? back[i] : row[BEHIND * entries + i];
+    }
+    take_column(d, back, u, r, 1, joints);
     if (j < m - 1) {
-      for (int i = 0; i < 3; ++i) {
-        const vec *const inverse = row[j].inverse + 3 * i;
-        v[i] = fma_(inverse[2], r[2], fma_(inverse[1], r[1], inverse[0] * r[0]));
-        z[3 * j + i] = v[i];
+      apply(d, row + INVERSE * entries, r, u);
+      for (int i = 0; i < d; ++i) {
+        z[d * j + i] = u[i];
       }
-      take_column(row[j].to_separator, v, own, 1);
+      take_column(d, row + TO_SEPARATOR * entries, u, own, 1, 0);
     }
   }
-  vec u[3], before[3], separator[3];
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 0; i < d; ++i) {
     r[i] += from_after(own[i], 1);
   }
-  separators_solve(ring->ends, r, u);
-  for (int i = 0; i < 3; ++i) {
+  separators_solve(d, ring->ends, r, u);
+  for (int i = 0; i < d; ++i) {
     before[i] = from_before(u[i], 1);
     separator[i] = u[i];
   }
+  row -= ROW_BLOCKS * entries;
   for (int j = m - 2; j >= 0; --j) {
-    for (int i = 0; i < 3; ++i) {
-      v[i] = z[3 * j + i];
+    row -= ROW_BLOCKS * entries;
+    vec here[4];
+    for (int i = 0; i < d; ++i) {
+      here[i] = z[d * j + i];
     }
-    take_column(row[j].left, before, v, 1);
-    take_column(row[j].next, u, v, 1);
-    for (int i = 0; i < 3; ++i) {
-      scatter(fields[i] + j, at, v[i]);
-      u[i] = v[i];
+    take_column(d, row + LEFT * entries, before, here, 1, 0);
+    take_column(d, row + NEXT * entries, u, here, 1, 0);
+    for (int i = 0; i < d; ++i) {
+      scatter(v[i] + j, at, here[i]);
+      u[i] = here[i];
     }
   }
   /* last, for the identity rows of short arcs stand on the separators before them */
-  for (int i = 0; i < 3; ++i) {
-    scatter(fields[i] + m - 1, at, separator[i]);
+  for (int i = 0; i < d; ++i) {
+    scatter(v[i] + m - 1, at, separator[i]);
   }
 }
 
-#define RING(full)                                                                                 \
-  static void ring_factor_##full(const bd_ring *ring, const bd_blocks *b) {                        \
-    ring_factor(ring, b, full);                                                                    \
+/* For blocks of d x d; of links that joints alone couple, or of any nodes. */
+#define RING(name, d, joints)                                                                      \
+  static void factor_##name(const bd_ring *ring, const double *w) {                                \
+    factor_ring(d, ring, w, joints);                                                               \
   }                                                                                                \
-  static void ring_solve_##full(const bd_ring *ring, double k, double *x, double *y, double *p) {  \
-    ring_solve(ring, k, x, y, p, full);                                                            \
+  static void solve_##name(const bd_ring *ring, double *const *v) {                                \
+    solve_ring(d, ring, v, joints);                                                                \
   }
-RING(0)
-RING(1)
+#define RING_MEMORY(d)                                                                             \
+  .width = WIDTH, .unknowns = d, .ring_row = ROW_BLOCKS * (d) * (d) * sizeof(vec),                 \
+  .ring_ends = END_BLOCKS * (d) * (d) * sizeof(vec)

@@ -229,33 +229,3 @@ STRING_CONTACT(NONE, 0, 0, 0)
 STRING_CONTACT(NONE, 0, 0, 1)
 BD_LAWS(LAW)
 #undef LAW
-
-/* Contact needs no directions, and friction acts at the masses. */
-static void string_directions(const bd_links *links, const double *y) {
-  (void)links, (void)y;
-}
-
-static void string_gather_points(const bd_links *links, const double *co, const double *si,
-                                 const double *y, const bd_points *points) {
-  (void)links, (void)co, (void)si, (void)y, (void)points;
-}
-
-/* Forces at the ends of the bars and at the masses, added to the masses' accelerations. */
-static void string_scatter_forces(const bd_links *links, const double *co, const double *si,
-                                  const bd_end_forces *at, double *dy) {
-  (void)co, (void)si;
-  const bd_layout *lay = &links->lay;
-  double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
-  const vec inv_mass = splat(links->inv_mass);
-  at->right_x[-1] = at->right_x[lay->n - 1];
-  at->right_y[-1] = at->right_y[lay->n - 1];
-  for (int i = 0; i < lay->n8; i += WIDTH) {
-    const mask mass = less(splat(0.0), load(links->link_mask + i));
-    const vec fx =
-        load(at->left_x + i) + load_unaligned(at->right_x + i - 1) + load(at->joint_x + i);
-    const vec fy =
-        load(at->left_y + i) + load_unaligned(at->right_y + i - 1) + load(at->joint_y + i);
-    store(ax + i, fma_(inv_mass, where(mass, fx), load(ax + i)));
-    store(ay + i, fma_(inv_mass, where(mass, fy), load(ay + i)));
-  }
-}

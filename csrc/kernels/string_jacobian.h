@@ -9,6 +9,20 @@
  *   d(T u) = u (c u.dd + b u.dw + (b n.w / l) n.dd) + (T / l) n (n.dd)
  */
 
+/* A 2 x 2 block, rows first, from the axes (n, t) of a link to those of the plane. */
+typedef struct plane_block {
+  vec xx, xy, yx, yy;
+} plane_block;
+
+INLINE plane_block turned_back(vec nx, vec ny, vec nn, vec nt, vec tn, vec tt) {
+  const vec nx2 = nx * nx, ny2 = ny * ny, nx_ny = nx * ny;
+  const vec nn_tt = nx_ny * (nn - tt), both = nx_ny * (nt + tn);
+  return (plane_block){.xx = fma_(nx2, nn, fma_(ny2, tt, -both)),
+                       .xy = fma_(nx2, nt, fnma_(ny2, tn, nn_tt)),
+                       .yx = fma_(nx2, tn, fnma_(ny2, nt, nn_tt)),
+                       .yy = fma_(ny2, nn, fma_(nx2, tt, both))};
+}
+
 /* As seen from the masses from i on, what stands in v with those before them. */
 INLINE vec of_previous(const double *v, int i, int n) {
   const vec previous = load_unaligned(v + i - 1);
@@ -18,8 +32,7 @@ INLINE vec of_previous(const double *v, int i, int n) {
 /* --- bars ------------------------------------------------------------------------------------ */
 
 /* Of a bar: direction into cos and sin, b n.w / l into spin, T / l into pull. */
-static void string_linearise_joints(const bd_links *links, const double *y,
-                                    const bd_tangent *tangent) {
+static void linearise_string(const bd_links *links, const double *y, const bd_tangent *tangent) {
   const bd_layout *lay = &links->lay;
   const bd_tangent t = *tangent;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
@@ -45,7 +58,7 @@ static void string_linearise_joints(const bd_links *links, const double *y,
 
 /* The ring's blocks without contact. */
 static void fill_ring_string(const bd_links *links, const bd_tangent *tangent,
-                             const bd_stage *stage, const bd_blocks *b, const bd_assembled *out) {
+                             const bd_stage *stage, const bd_assembled *out) {
   const int n = links->lay.n, n8 = links->lay.n8;
   const bd_tangent t = *tangent;
   const double g2_ = stage->g * stage->g;
@@ -55,7 +68,7 @@ static void fill_ring_string(const bd_links *links, const bd_tangent *tangent,
   t.spin[n] = t.spin[0];
   t.pull[n] = t.pull[0];
   for (int m = 0; m < 2; ++m) { /* Q, then W, which has the other sign */
-    const vec along = splat(m ? b->k : g2_ * links->stiffness);
+    const vec along = splat(m ? stage->k : g2_ * links->stiffness);
     const vec mass = splat(m ? stage->mass : 0.0), sign = splat(m ? 1.0 : -1.0);
     double *const to = m ? out->w : out->q;
     for (int i = 0; i < n8; i += WIDTH) {

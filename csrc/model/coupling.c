@@ -8,19 +8,24 @@
 
 #include "model/model.h"
 
-static const char *const groups[] = {[BD_COUPLING_ISOLATOR] = "isolator",
-                                     [BD_COUPLING_CLUTCH] = "clutch",
-                                     [BD_COUPLING_DAMPER] = "damper"};
+const char *bd_coupling_name(int kind) {
+  static const char *const names[] = {
+#define KIND(KIND, name) #name,
+      BD_COUPLINGS(KIND)
+#undef KIND
+  };
+  return kind >= 0 && kind < BD_N_COUPLINGS ? names[kind] : NULL;
+}
 
 int bd_coupling_check(const bd_scene *scene, int j, bd_error *err) {
   const bd_coupling *coupling = scene->pulleys[j].coupling;
   char label[40];
   snprintf(label, sizeof label, "pulleys[%d].coupling", j);
-  if (coupling->kind < BD_COUPLING_ISOLATOR || coupling->kind > BD_COUPLING_DAMPER) {
+  if (!bd_coupling_name(coupling->kind)) {
     return bd_fail_at(err, BD_ERR_PARAMETER, label, (double)NAN, -1, j, coupling->kind,
                       "%s.kind must be isolator, clutch or damper, got %d", label, coupling->kind);
   }
-  return bd_parameters_check(groups[coupling->kind], label, &coupling->isolator, err);
+  return bd_parameters_check(bd_coupling_name(coupling->kind), label, &coupling->isolator, err);
 }
 
 void bd_model_carve_couplings(bd_carver *carver, bd_model *model, const bd_scene *scene) {
@@ -95,14 +100,4 @@ bd_coupling_state bd_coupling_at(const bd_model *model, const double *y, int c) 
     return (bd_coupling_state){.ahead = ahead, .winds = -spring / k->damping};
   }
   return (bd_coupling_state){.ahead = ahead, .winds = ahead, .torque = torque, .engaged = 1};
-}
-
-double bd_coupling_torque(const bd_model *model, const double *y, int j) {
-  double sum = 0.0;
-  for (int c = 0; c < model->lay.nc; ++c) {
-    if (model->couplings[c].pulley == j) {
-      sum += model->couplings[c].sense * bd_coupling_at(model, y, c).torque;
-    }
-  }
-  return sum;
 }

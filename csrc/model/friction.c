@@ -43,14 +43,6 @@ int bd_law_is_general(int law) {
   return laws[law].general;
 }
 
-int bd_law_form(int law) {
-  return law == BD_LAW_NONE               ? BD_FORM_NONE
-         : laws[law].states == 0          ? BD_FORM_STATELESS
-         : laws[law].states == BD_SEVERAL ? BD_FORM_SEVERAL
-         : bd_law_is_general(law)         ? BD_FORM_GENERAL
-                                          : BD_FORM_PLAIN;
-}
-
 int bd_friction_states(const bd_friction *friction) {
   const int states = laws[friction->law].states;
   return states == BD_SEVERAL ? bd_parameters_list_length(laws[friction->law].name, &friction->dahl)

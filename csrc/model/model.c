@@ -28,39 +28,6 @@ static int check_pair(const char *label, const double pair[2], const char *what,
   return BD_OK;
 }
 
-/* Nothing turns links against each other where joints do not resist bending. */
-static int is_string(const bd_belt *belt) {
-  return belt->model == BD_BELT_STRING ||
-         (belt->model == BD_BELT_AUTO && belt->mesh == BD_MESH_JOINT &&
-          belt->bending_stiffness == 0.0 && belt->bending_damping == 0.0);
-}
-
-static int check_belt_model(const bd_belt *belt, bd_error *err) {
-  if (belt->mesh != BD_MESH_PAPER && belt->mesh != BD_MESH_JOINT) {
-    return bd_fail(err, BD_ERR_PARAMETER, "belt.mesh", "belt.mesh must be paper or joint, got %d",
-                   belt->mesh);
-  }
-  if (belt->model < BD_BELT_AUTO || belt->model > BD_BELT_STRING) {
-    return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
-                   "belt.model must be auto, links or string, got %d", belt->model);
-  }
-  if (belt->model != BD_BELT_STRING) {
-    return BD_OK;
-  }
-  if (belt->mesh != BD_MESH_JOINT) {
-    return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
-                   "belt.model \"string\" needs belt.mesh \"joint\": the paper's mesh is one of "
-                   "rigid links");
-  }
-  if (belt->bending_stiffness > 0.0 || belt->bending_damping > 0.0) {
-    return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
-                   "belt.model \"string\" resists no bending: belt.bending_stiffness and "
-                   "belt.bending_damping must be 0, got %g and %g; take \"links\" or \"auto\"",
-                   belt->bending_stiffness, belt->bending_damping);
-  }
-  return BD_OK;
-}
-
 static int check_scene(const bd_scene *scene, bd_error *err) {
   const bd_contact *contact = &scene->contact;
   char label[40];
@@ -91,7 +58,7 @@ static int check_scene(const bd_scene *scene, bd_error *err) {
       return code;
     }
   }
-  if (bd_names_check(scene, err) != BD_OK || check_belt_model(&scene->belt, err) != BD_OK) {
+  if (bd_names_check(scene, err) != BD_OK || bd_belt_check(&scene->belt, err) != BD_OK) {
     return BD_ERR_PARAMETER;
   }
   if (!(contact->linear > 0.0 || contact->quadratic > 0.0)) {
@@ -125,15 +92,13 @@ static double contact_depth(const bd_model *model, int j, double tension) {
  * belt, under its preload, sinks in to these. */
 static double contact_radius(const bd_model *model, int j) {
   const int laid = model->geometry.code == BD_OK, sinks = model->contact.compensate && laid;
-  const double stretched = laid && model->lay.string ? 1.0 + model->info.strain : 1.0;
+  const bd_belt_facts *is = &model->belt_model->facts;
+  const double stretched = laid && is->stretches ? 1.0 + model->info.strain : 1.0;
   const double radius = model->radius[j];
   const double a = 0.5 * stretched * model->info.link_length / radius;
-  return (model->along_links && a < 0.5 * BD_PI ? radius * a / sin(a) : radius) +
+  return (!is->tangents && a < 0.5 * BD_PI ? radius * a / sin(a) : radius) +
          (sinks ? contact_depth(model, j, model->info.strain_tension) : 0.0);
 }
-
-/* [links] A span shorter than this is refused. */
-static const double LEAST_SPAN = 2.5;
 
 double bd_tangent_length(const bd_model *model, int j, int k, double apart) {
   const double r = model->contact_radius[j], other = model->contact_radius[k];
@@ -170,12 +135,14 @@ static double dip(const bd_model *model, int j) {
 
 /* A joint of two links touches two pulleys at once by their far ends. */
 static double least_apart(const bd_model *model, int j, int k) {
-  return model->along_links ? 2.0 + dip(model, j) + dip(model, k) : 0.0;
+  const double reach = model->belt_model->facts.reach;
+  return reach > 0.0 ? 2.0 * reach + dip(model, j) + dip(model, k) : 0.0;
 }
 
 double bd_least_span(const bd_model *model, int j, int k) {
-  const double links = model->slot[j] == model->slot[k] ? least_apart(model, j, k) : LEAST_SPAN;
-  return model->along_links ? links * model->belt.length / model->belt.n_bodies : 0.0;
+  const double least = model->belt_model->facts.least_span;
+  const double links = model->slot[j] == model->slot[k] ? least_apart(model, j, k) : least;
+  return links * model->belt.length / model->belt.n_bodies;
 }
 
 static int share_links(const bd_model *model, int j, int k) {
@@ -206,6 +173,7 @@ static int colour_pulleys(const bd_model *model) {
 
 static void lay_out(bd_model *model, int n, int np, int slots, int states, int drag) {
   bd_layout *lay = &model->lay;
+  bd_place_fields(lay, model->belt_model->facts.fields);
   lay->n = n;
   lay->n8 = (n + BD_LANES - 1) / BD_LANES * BD_LANES;
   lay->np = np;
@@ -214,16 +182,8 @@ static void lay_out(bd_model *model, int n, int np, int slots, int states, int d
   /* An odd number of cache lines, so that the same link's entries of all blocks do not share sets
    * of the cache. */
   lay->stride = BD_LANES * ((BD_HALO + n + 1 + BD_LANES - 1) / BD_LANES | 1);
-  lay->theta = bd_block(lay, F_MU + slots * (states + 1)) * lay->stride;
-  lay->omega = lay->theta + np;
   lay->mounted = model->mounted;
-  lay->travel = lay->omega + np;
-  lay->travel_speed = lay->travel + lay->nm;
-  lay->mount_friction = lay->travel_speed + lay->nm;
-  lay->rim_angle = lay->mount_friction + lay->nm;
-  lay->rim_speed = lay->rim_angle + lay->nc;
-  lay->windup = lay->rim_speed + lay->nc;
-  lay->work = lay->windup + lay->nc;
+  bd_layout_fields(lay);
   lay->n_work = lay->nc > 0   ? MAX_WORK
                 : lay->nm > 0 ? W_path_work + 1
                 : drag        ? W_drag_loss + 1
@@ -263,7 +223,7 @@ static void derive(bd_model *model) {
   info->length = belt->length;
   info->link_length = l0;
   info->link_mass = belt->linear_density * l0;
-  info->link_inertia = info->link_mass * l0 * l0 / model->shear;
+  info->link_inertia = info->link_mass * l0 * l0 / model->belt_model->facts.shear;
   info->joint_stiffness = belt->axial_stiffness / l0;
   info->joint_damping = belt->axial_damping / l0;
   info->bending_stiffness = belt->bending_stiffness / l0;
@@ -271,17 +231,14 @@ static void derive(bd_model *model) {
   info->contact_quadratic = model->contact.quadratic * l0;
   info->contact_linear = model->contact.linear * l0;
   info->contact_damping = model->contact.damping * l0;
-  info->spectral_bound = spectral_bound(info, model->shear);
+  info->spectral_bound = spectral_bound(info, model->belt_model->facts.shear);
 }
 
 /* A link of angle 2 a lies as a tangent, longer than its arc by tan(a) / a - 1 (MODEL section 6);
  * infinite when it is too long to lie on the pulley at all. */
 static double mesh_strain(const bd_model *model) {
   double longer = 0.0;
-  if (model->along_links) {
-    return 0.0;
-  }
-  for (int j = 0; j < model->lay.np; ++j) {
+  for (int j = 0; model->belt_model->facts.tangents && j < model->lay.np; ++j) {
     double a = 0.5 * model->info.link_length / model->radius[j];
     double arc = model->wraps[j].wrap * model->radius[j];
     longer += a < 0.5 * BD_PI ? arc * (tan(a) / a - 1.0) : (double)INFINITY;
@@ -396,6 +353,7 @@ static void check_line(bd_model *model) {
 
 static void check_room(bd_model *model) {
   const bd_info *info = &model->info;
+  const double least = model->belt_model->facts.least_span;
   int first = 0, second = 0;
   double shortest = (double)INFINITY;
   for (int j = 0; j < model->lay.np; ++j) {
@@ -409,13 +367,13 @@ static void check_room(bd_model *model) {
     }
   }
   if (model->geometry.code == BD_OK && model->has_friction &&
-      (shortest == 0.0 || (model->along_links && shortest < LEAST_SPAN))) {
+      (shortest == 0.0 || shortest < least)) {
     bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "belt.n_bodies", (double)NAN, -1, first,
                info->n_bodies,
                "belt.n_bodies is too small for its pulleys: two of %d links of %g m could touch "
                "%s at once; %s would be short enough",
                info->n_bodies, info->link_length, bd_pulleys_label(model, first, second).text,
-               bd_links_label(LEAST_SPAN / shortest * info->n_bodies).text);
+               bd_links_label(least / shortest * info->n_bodies).text);
   }
 }
 
@@ -538,9 +496,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     double far = 1e3 * (reach + model->belt.length);
     model->far_away = far <= model->far_away ? model->far_away : far; /* or NaN, to be refused */
   }
-  model->along_links = scene->belt.mesh == BD_MESH_JOINT;
-  model->shear = model->along_links ? 4.0 : 12.0;
-  model->lay.string = is_string(&scene->belt);
+  model->belt_model = bd_belt_model_of(&scene->belt);
   model->lay.np = np;
   derive(model);
   if (check_derived(model, err) != BD_OK) {
@@ -564,7 +520,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   model->info.n_mounts = model->lay.nm;
   model->info.n_couplings = model->lay.nc;
   model->info.drag_speed = DRAG_SPEED * bd_speed_scale(model);
-  model->kernels = model->lay.string ? kernels->string : kernels;
+  model->kernels = &kernels[bd_model_belt(model)];
   model->friction_scales_differ = bd_friction_scales_differ(model);
   *out = model;
   return BD_OK;
@@ -583,10 +539,6 @@ int bd_model_check_geometry(const bd_model *model, bd_error *err) {
 
 void bd_model_info(const bd_model *model, bd_info *info) {
   *info = model->info;
-}
-
-int bd_model_is_string(const bd_model *model) {
-  return model->lay.string;
 }
 
 double bd_speed_scale(const bd_model *model) {

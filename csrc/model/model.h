@@ -27,16 +27,20 @@ typedef struct bd_route {
   double length;
 } bd_route;
 
-/* A mount with all its numbers, places relative to the origin (MODEL section 5). Of a slider the
- * hung weight is in inertia and preload; of a path only t, points and slopes have a meaning. */
+typedef struct bd_belt_model bd_belt_model;
+
+/* A mount with all its numbers, places relative to the origin (MODEL section 5). A hung weight is
+ * in inertia and preload; of one that is prescribed only t, points and slopes are not 0. */
 typedef struct bd_mounted {
   int pulley, kind; /* BD_MOUNT_... */
   double drawn[2];  /* place of the axis in the scene */
-  double pivot[2], direction[2];
+  double guide[2];  /* pivot; unit vector of its direction */
   double inertia, mass, stiffness, preload, damping;
   double friction, adapts; /* F_m; kappa / F_m, 0 without friction */
   double lowest, highest, stop_stiffness, stop_damping;
   int has_stops;
+  const struct bd_mount_kind *row;
+  double turning; /* angle by which it turns the bearings of its pulley, over the travel */
   size_t n_t;
   double *t, *points, *slopes, *scratch; /* (n_t), (n_t, 2), (n_t, 2), (n_t) */
   double fastest;                        /* of the axis on it, a bound */
@@ -48,6 +52,22 @@ typedef struct bd_mounted {
 typedef struct bd_place {
   double c[2], a[2], bend[2];
 } bd_place;
+
+/* A row of the table in mount.c: another mount is another row, and the functions it names. */
+typedef struct bd_mount_kind {
+  const char *name;  /* and the group of its parameters */
+  const char *many;  /* in result.effects */
+  const char *guide; /* the pair that says along what it moves; NULL: times and displacements */
+  int moves;         /* by what acts on it; 0: it is prescribed, its travel is the time [s] */
+  int angle;         /* its travel is one [rad]; 0: a length [m] */
+  /* Travel looked at for balance, of a length over the belt's: by steps that grow. */
+  double step, longest, farthest;
+  /* What the rules of its parameters do not say. */
+  int (*check)(const bd_pulley *pulley, int j, bd_error *err);
+  /* What its numbers do not say, and those that mean something else. */
+  void (*fill)(bd_mounted *mount, const bd_model *model, const bd_mount *given);
+  bd_place (*place)(const bd_mounted *mount, double q);
+} bd_mount_kind;
 
 /* A coupling with all its numbers. Its rim is the part on which no torque acts: of a damper the
  * ring. */
@@ -63,10 +83,9 @@ struct bd_model {
   bd_belt belt;
   bd_contact contact;
   int has_friction, has_bending, has_gravity;
-  int along_links;            /* mesh "joint": contact along the links, their mass at their ends */
-  double shear;               /* m l0^2 / I_z of a link: 12, or 4 */
-  int friction_scales_differ; /* of the laws' states (bd_friction_state_scale), from pulley to
-                                 pulley */
+  const bd_belt_model *belt_model; /* its row of the table in belts/ */
+  int friction_scales_differ;      /* of the laws' states (bd_friction_state_scale), from pulley to
+                                      pulley */
   double gravity[2], origin[2];
   bd_layout lay;
   double *cx, *cy, *radius; /* centres relative to the origin */
@@ -85,12 +104,83 @@ struct bd_model {
   bd_error geometry;     /* what bd_model_check_geometry returns */
   double far_away;       /* where the padding stands: on no pulley */
   bd_mounted *mounts;    /* lay.nm; NULL: none */
+  int n_moving;          /* of them those that move by what acts on them */
+  char moving[64];       /* what result.effects calls these */
   int *mounted;          /* their pulleys */
   int *mount_of;         /* by pulley its mount, -1: none; NULL: there are no mounts */
   bd_coupled *couplings; /* lay.nc; NULL: none */
   int *coupled, *rim;    /* of the layout */
   const bd_kernels *kernels;
 };
+
+/* --- belts/ ----------------------------------------------------------------------------------- */
+
+typedef struct bd_plan bd_plan; /* physics/physics.h */
+
+/* A joint as outputs see it: stretch along the belt there, its rate, square of the whole stretch;
+ * the angle between its nodes. */
+typedef struct bd_joint {
+  double along, rate, squared, turn;
+} bd_joint;
+
+/* The contact at a node, or at the joint on its left, as outputs see it: where friction acts; the
+ * share of the belt there that touches, 0: none; the normal force under which, the least of its
+ * parts, and what of it acts there too. */
+typedef struct bd_touch {
+  double x, y, vx, vy, share, normal, least, acts;
+} bd_touch;
+
+/* A belt model, a row of the table in belts/belts.c: another one is another file there, the kernels
+ * that it names, and a row. Functions are of whole belts but for two that steps do not ask, of a
+ * state that is read and of samples; what is done for every node in every step is in kernels. */
+struct bd_belt_model {
+  bd_belt_facts facts;
+  const char *joints_text[2]; /* for result.effects, without bending and with */
+  /* --- the model's: the way into a run and out of it */
+  /* Least distance from a point of what touches at node i. */
+  double (*distance)(const bd_model *model, const bd_state *state, int i, const double point[2]);
+  /* Directions and their rates where they are no fields of the state, continuous along the belt;
+   * either may be NULL. Itself NULL: they are fields. */
+  void (*directions)(const bd_layout *lay, const double *y, double *phi, double *vphi);
+  /* Nodes along the belt line, node 0 `shift` past its place [m]: where settling begins. */
+  void (*lay)(const bd_model *model, const bd_route *line, double shift, double *x, double *y,
+              double *phi);
+  /* Velocities of a belt that runs along itself at a speed in its spans. */
+  void (*set_going)(const bd_plan *plan, double *y, double speed);
+  /* --- physics: the effects "joints" and "contact" */
+  void (*carve)(bd_carver *carver, bd_plan *plan, const bd_layout *lay); /* NULL: no scratch */
+  /* Adds contact and friction of pulley j to the rate, or to scratch; before all pulleys and after
+   * them (NULL: nothing). */
+  void (*contact)(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums);
+  void (*contact_begin)(bd_plan *plan, double *y);
+  void (*contact_end)(bd_plan *plan, double *dy);
+  /* Squared distances from pulley j of nodes [begin, end), after bd_plan_see and bd_plan_near. */
+  void (*distances)(const bd_plan *plan, const double *y, int j, int begin, int end, double *out);
+  /* All joints at a state; directions of its nodes if they are known, else NULL. */
+  void (*joints_at)(const bd_plan *plan, const double *y, const double *co, const double *si,
+                    bd_joint *out);
+  /* Direction of the belt at node i. */
+  void (*direction)(const bd_layout *lay, const double *y, int i, double e[2]);
+  /* The contact of pulley j, after bd_plan_see: at the nodes on its list; the normal force on the
+   * belt that does not act there; its stored energy, added. */
+  void (*contact_at)(const bd_plan *plan, const double *y, int j, bd_touch *out, double force[2],
+                     double *energy);
+  /* Its stored energy alone, added; whether anything touches. */
+  int (*contact_energy)(const bd_plan *plan, const double *y, int j, double *energy);
+  /* Sum of squares of what the joints' stretches in two states, of plans of their own whose rates
+   * were the last to be evaluated there, are apart. */
+  double (*apart)(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);
+};
+
+/* Of a polygon whose links turn by 2 a each: the speed of their centres, as it turns about the axis
+ * of its pulley, over that of a straight span. */
+static inline double bd_slower_inside(double a) {
+  return fabs(a) > 1e-6 ? a / tan(a) : 1.0;
+}
+
+/* The row that a belt asks for, NULL: there is none; refuses what no row is. */
+const bd_belt_model *bd_belt_model_of(const bd_belt *belt);
+int bd_belt_check(const bd_belt *belt, bd_error *err);
 
 /* --- parameters.c ----------------------------------------------------------------------------- */
 
@@ -113,7 +203,6 @@ bd_label bd_links_label(double least);
 
 const char *bd_law_text(int law); /* as in "contact with ... friction" */
 int bd_law_is_general(int law);
-int bd_law_form(int law); /* which loops of the linear systems it needs: BD_FORM_... */
 int bd_friction_most_states(const bd_model *model); /* of all pulleys */
 /* Of a link on pulley j, an element of its law with its state; without friction all 0. */
 void bd_friction_at(const bd_model *model, int j, int element, double z, double v, double normal,
@@ -153,16 +242,18 @@ static inline double bd_contact_stiffness(double c1, double c2, double force) {
 int bd_mount_check(const bd_scene *scene, int pulley, bd_error *err);
 void bd_model_carve_mounts(bd_carver *carver, bd_model *model, const bd_scene *scene);
 void bd_model_fill_mounts(bd_model *model, const bd_scene *scene);
-bd_place bd_mount_place(const bd_mounted *mount, double q);
-/* On an arm or slider: of the spring; of the stops, and the power they lose; of gravity. */
+static inline bd_place bd_mount_place(const bd_mounted *mount, double q) {
+  return mount->row->place(mount, q);
+}
+/* On one that moves: of the spring; of the stops, and the power they lose; of gravity. */
 double bd_mount_spring(const bd_mounted *mount, double q);
 double bd_mount_stop(const bd_mounted *mount, double q, double v, double *loss);
 double bd_mount_weight(const bd_model *model, const bd_mounted *mount, const bd_place *at);
 double bd_mount_stored(const bd_mounted *mount, double q);
-/* The arm on which pulley j stands, or NULL. */
-static inline const bd_mounted *bd_arm_of(const bd_model *model, int j) {
+/* The mount that turns the bearings of pulley j, against which its drag acts, -1: none does. */
+static inline int bd_turned_by(const bd_model *model, int j) {
   const int m = model->mount_of ? model->mount_of[j] : -1;
-  return m >= 0 && model->mounts[m].kind == BD_MOUNT_ARM ? &model->mounts[m] : NULL;
+  return m >= 0 && model->mounts[m].turning != 0.0 ? m : -1;
 }
 
 /* --- coupling.c ------------------------------------------------------------------------------- */
@@ -180,16 +271,14 @@ typedef struct bd_coupling_state {
 } bd_coupling_state;
 
 bd_coupling_state bd_coupling_at(const bd_model *model, const double *y, int c);
-/* Whether the belt runs on the shaft of pulley j itself; torque of its coupling on that shaft,
- * counter-clockwise. */
+/* Whether the belt runs on the shaft of pulley j itself. */
 static inline int bd_runs_on_shaft(const bd_layout *lay, int j) {
   return lay->rim[j] == lay->omega + j;
 }
-double bd_coupling_torque(const bd_model *model, const double *y, int j);
 
 /* --- mount_rest.c ----------------------------------------------------------------------------- */
 
-/* Brings the pulleys on arms and sliders to where these are in equilibrium with the tension of the
+/* Brings the pulleys on mounts that move to where these are in equilibrium with the tension of the
  * belt: cx, cy of the model, and `rest` of the mounts. Fails, into model->geometry, where there is
  * none. */
 int bd_mounts_rest(bd_model *model);
@@ -204,9 +293,8 @@ static inline double bd_contact_depth(double c1, double c2, double force) {
 /* Mean tension of the belt between its fixed axes, without load, that runs along itself at a speed
  * [m/s], 0: at rest [N]. */
 double bd_rest_tension(const bd_model *model, double speed);
-/* The same, about, of a belt with mounts, too; whether any of these are arms or sliders. */
+/* The same, about, of a belt with mounts, too. */
 double bd_running_tension(const bd_model *model, double speed);
-int bd_model_gives_way(const bd_model *model);
 /* Radius on which it runs under a tension at that speed: less by the depth by which it sinks in,
  * more by what a compensated contact begins further out. */
 double bd_running_radius(const bd_model *model, int j, double tension, double speed);
@@ -249,14 +337,6 @@ void bd_belt_line_pull(const bd_wrap *wrap, double pull[2]);
 /* --- state.c --------------------------------------------------------------------------------- */
 
 enum {
-  BD_SIZE_LINKS,
-  BD_SIZE_SLOTS,
-  BD_SIZE_STATES,
-  BD_SIZE_PULLEYS,
-  BD_SIZE_MOUNTS,
-  BD_SIZE_COUPLINGS
-};
-enum {
   BD_SCALE_NONE,
   BD_SCALE_STRETCH,
   BD_SCALE_TURN,
@@ -281,6 +361,8 @@ extern const bd_field_row bd_state_fields[BD_N_FIELDS];
 int bd_field_pieces(const bd_layout *lay, int row);
 int bd_field_length(const bd_layout *lay, int row);
 size_t bd_field_offset(const bd_layout *lay, int row, int k);
+/* Lays out the vector of a layout that knows what there is of everything. */
+void bd_layout_fields(bd_layout *lay);
 /* The row and the link or pulley (the other -1) of an entry of the vector; -1: padding, work. */
 int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley);
 
@@ -292,9 +374,6 @@ int bd_state_import(const bd_model *model, const bd_state *state, double *y, dou
 void bd_state_put(const bd_layout *lay, const bd_state *state, double shift_x, double shift_y,
                   double *y);
 void bd_state_export(const bd_model *model, const double *y, double turns, bd_state *state);
-/* Of a string: direction of the bar behind each mass, continuous along the belt, and its rate;
- * either may be NULL. */
-void bd_state_directions(const bd_layout *lay, const double *y, double *phi, double *vphi);
 /* Moves whole turns from phi to *turns once they would cost digits. */
 void bd_state_wind(const bd_layout *lay, double *y, double *turns);
 /* The first link whose angle does not run on from that of the one before, -1: none. Angles close

@@ -9,8 +9,6 @@
 
 #include "model/model.h"
 
-/* Weight of a kilogram hung on a slider [N]. */
-static const double GRAVITY = 9.80665;
 /* Chosen: stops, over what the belt holds the mount with; the travel in which friction is
  * developed, of an arm [rad], of a slider over the radius of its pulley. */
 static const double STOP = 50.0, PRESLIDING = 0.01;
@@ -24,13 +22,8 @@ static int refuse(bd_error *err, int j, const char *name, double value, const ch
                     field, rule, value);
 }
 
-static int check_stops(double lowest, double highest, int j, bd_error *err) {
-  return highest > lowest || (lowest == 0.0 && highest == 0.0)
-             ? BD_OK
-             : refuse(err, j, "highest", highest, "must be > lowest");
-}
-
-static int check_path(const bd_mount *mount, int j, bd_error *err) {
+static int check_path(const bd_pulley *pulley, int j, bd_error *err) {
+  const bd_mount *mount = pulley->mount;
   if (mount->n_t < 2) {
     return refuse(err, j, "t", (double)mount->n_t, "must hold at least two times");
   }
@@ -50,79 +43,37 @@ static int check_path(const bd_mount *mount, int j, bd_error *err) {
   return BD_OK;
 }
 
-int bd_mount_check(const bd_scene *scene, int j, bd_error *err) {
-  const bd_pulley *pulley = &scene->pulleys[j];
+static int check_arm(const bd_pulley *pulley, int j, bd_error *err) {
   const bd_mount *mount = pulley->mount;
-  char label[40];
-  snprintf(label, sizeof label, "pulleys[%d].mount", j);
-  if (scene->belt.mesh != BD_MESH_JOINT) {
-    return bd_fail_at(err, BD_ERR_PARAMETER, label, (double)NAN, -1, j, (double)NAN,
-                      "%s: a pulley with a mount needs belt.mesh \"joint\"", label);
-  }
-  if (mount->kind < BD_MOUNT_ARM || mount->kind > BD_MOUNT_PATH) {
-    return refuse(err, j, "kind", mount->kind, "must be arm, slider or path");
-  }
-  if (mount->kind == BD_MOUNT_PATH) {
-    return check_path(mount, j, err);
-  }
-  if (mount->kind == BD_MOUNT_SLIDER) {
-    const double length = hypot(mount->direction[0], mount->direction[1]);
-    if (!(length > 0.0) || !isfinite(length)) {
-      return refuse(err, j, "direction", length, "must be finite and of length > 0");
-    }
-    return bd_parameters_check("slider", label, &mount->slider, err) != BD_OK
-               ? BD_ERR_PARAMETER
-               : check_stops(mount->slider.lowest, mount->slider.highest, j, err);
-  }
   const double lever =
-      hypot(pulley->center[0] - mount->pivot[0], pulley->center[1] - mount->pivot[1]);
+      hypot(pulley->center[0] - mount->guide[0], pulley->center[1] - mount->guide[1]);
   if (!(lever > 0.0) || !isfinite(lever)) {
     return refuse(err, j, "pivot", lever, "must be finite and off the pulley's axis, by > 0 m");
   }
-  if (bd_parameters_check("arm", label, &mount->arm, err) != BD_OK) {
-    return BD_ERR_PARAMETER;
-  }
-  const double least = mount->arm.mass * lever * lever;
-  if (mount->arm.inertia < least * (1.0 - 1e-9)) {
+  const double least = mount->numbers.mass * lever * lever;
+  if (mount->numbers.inertia < least * (1.0 - 1e-9)) {
     char rule[120];
     snprintf(rule, sizeof rule,
              "must be at least %.6g kg m^2, that of its mass on the pulley's axis", least);
-    return refuse(err, j, "inertia", mount->arm.inertia, rule);
+    return refuse(err, j, "inertia", mount->numbers.inertia, rule);
   }
-  return check_stops(mount->arm.lowest, mount->arm.highest, j, err);
+  return BD_OK;
+}
+
+static int check_slider(const bd_pulley *pulley, int j, bd_error *err) {
+  const double *direction = pulley->mount->guide, length = hypot(direction[0], direction[1]);
+  return length > 0.0 && isfinite(length)
+             ? BD_OK
+             : refuse(err, j, "direction", length, "must be finite and of length > 0");
 }
 
 /* --- making them ------------------------------------------------------------------------------ */
 
-void bd_model_carve_mounts(bd_carver *carver, bd_model *model, const bd_scene *scene) {
-  int n = 0;
-  for (int j = 0; j < scene->n_pulleys; ++j) {
-    n += scene->pulleys[j].mount != NULL;
-  }
-  model->lay.nm = n;
-  if (n == 0) {
-    return;
-  }
-  BD_CARVE(carver, model->mounts, n);
-  BD_CARVE(carver, model->mounted, n);
-  BD_CARVE(carver, model->mount_of, scene->n_pulleys);
-  for (int j = 0, m = 0; j < scene->n_pulleys; ++j) {
-    const bd_mount *mount = scene->pulleys[j].mount;
-    if (mount && mount->kind == BD_MOUNT_PATH) {
-      bd_mounted *made = carver->base ? &model->mounts[m] : &(bd_mounted){0};
-      BD_CARVE(carver, made->t, mount->n_t);
-      BD_CARVE(carver, made->points, 2 * mount->n_t);
-      BD_CARVE(carver, made->slopes, 2 * mount->n_t);
-      BD_CARVE(carver, made->scratch, mount->n_t);
-    }
-    m += mount != NULL;
-  }
-}
-
 /* Slopes of the cubic spline through the points that is at rest at both ends (C. de Boor, A
  * Practical Guide to Splines, IV): h_k m_{k-1} + 2 (h_{k-1} + h_k) m_k + h_{k-1} m_{k+1} =
  * 3 (h_k d_{k-1} + h_{k-1} d_k), h the intervals, d the divided differences. */
-static void fill_path(bd_mounted *mount, const bd_mount *given) {
+static void fill_path(bd_mounted *mount, const bd_model *model, const bd_mount *given) {
+  (void)model;
   const size_t n = given->n_t;
   const double *t = mount->t, *p = mount->points;
   mount->n_t = n;
@@ -152,75 +103,50 @@ static void fill_path(bd_mounted *mount, const bd_mount *given) {
 }
 
 static void fill_arm(bd_mounted *mount, const bd_model *model, const bd_mount *given) {
-  const bd_arm *arm = &given->arm;
   for (int k = 0; k < 2; ++k) {
-    mount->pivot[k] = given->pivot[k] - model->origin[k];
+    mount->guide[k] = given->guide[k] - model->origin[k];
   }
-  mount->inertia = arm->inertia;
-  mount->mass = arm->mass;
-  mount->stiffness = arm->stiffness;
-  mount->preload = arm->preload;
-  mount->damping = arm->damping;
-  mount->friction = arm->friction;
-  mount->adapts =
-      arm->friction_stiffness > 0.0 ? arm->friction_stiffness / arm->friction : 1.0 / PRESLIDING;
-  mount->lowest = arm->lowest;
-  mount->highest = arm->highest;
-  mount->stop_stiffness = arm->stop_stiffness;
-  mount->stop_damping = arm->stop_damping;
-  mount->lever = hypot(mount->drawn[0] - mount->pivot[0], mount->drawn[1] - mount->pivot[1]);
+  mount->turning = 1.0;
+  mount->lever = hypot(mount->drawn[0] - mount->guide[0], mount->drawn[1] - mount->guide[1]);
 }
 
-static void fill_slider(bd_mounted *mount, double radius, const bd_mount *given) {
-  const bd_slider *slider = &given->slider;
-  const double length = hypot(given->direction[0], given->direction[1]);
+static void fill_slider(bd_mounted *mount, const bd_model *model, const bd_mount *given) {
+  (void)model;
+  const bd_slider *slider = &given->numbers;
+  const double length = hypot(given->guide[0], given->guide[1]);
   for (int k = 0; k < 2; ++k) {
-    mount->direction[k] = given->direction[k] / length;
+    mount->guide[k] = given->guide[k] / length;
   }
   mount->inertia = slider->mass + slider->weight;
-  mount->mass = slider->mass;
-  mount->stiffness = slider->stiffness;
-  mount->preload = slider->preload + GRAVITY * slider->weight;
-  mount->damping = slider->damping;
-  mount->friction = slider->friction;
-  mount->adapts = slider->friction_stiffness > 0.0 ? slider->friction_stiffness / slider->friction
-                                                   : 1.0 / (PRESLIDING * radius);
-  mount->lowest = slider->lowest;
-  mount->highest = slider->highest;
-  mount->stop_stiffness = slider->stop_stiffness;
-  mount->stop_damping = slider->stop_damping;
+  mount->preload = slider->preload + BD_GRAVITY * slider->weight;
 }
 
-void bd_model_fill_mounts(bd_model *model, const bd_scene *scene) {
-  for (int j = 0, m = 0; model->lay.nm > 0 && j < scene->n_pulleys; ++j) {
-    const bd_mount *given = scene->pulleys[j].mount;
-    model->mount_of[j] = given ? m : -1;
-    if (!given) {
-      continue;
-    }
-    bd_mounted *mount = &model->mounts[m];
-    model->mounted[m++] = mount->pulley = j;
-    mount->kind = given->kind;
-    mount->drawn[0] = model->cx[j];
-    mount->drawn[1] = model->cy[j];
-    mount->lever = 1.0;
-    if (given->kind == BD_MOUNT_PATH) {
-      fill_path(mount, given);
-      continue;
-    }
-    if (given->kind == BD_MOUNT_ARM) {
-      fill_arm(mount, model, given);
-    } else {
-      fill_slider(mount, model->radius[j], given);
-    }
-    mount->adapts = mount->friction > 0.0 ? mount->adapts : 0.0;
-    mount->has_stops = mount->highest > mount->lowest;
-    if (mount->stop_stiffness == 0.0) {
-      const double held = 4.0 * model->belt.axial_stiffness / model->belt.length;
-      mount->stop_stiffness = STOP * held * mount->lever * mount->lever;
-      if (mount->stop_damping == 0.0) {
-        mount->stop_damping = sqrt(mount->stop_stiffness * mount->inertia);
-      }
+/* Numbers as they are given; what is chosen where they are 0, over the lever. */
+static void fill_sprung(bd_mounted *mount, const bd_sprung *given) {
+  mount->inertia = given->inertia;
+  mount->mass = given->mass;
+  mount->stiffness = given->stiffness;
+  mount->preload = given->preload;
+  mount->damping = given->damping;
+  mount->friction = given->friction;
+  mount->lowest = given->lowest;
+  mount->highest = given->highest;
+  mount->stop_stiffness = given->stop_stiffness;
+  mount->stop_damping = given->stop_damping;
+}
+
+static void choose(bd_mounted *mount, const bd_model *model, const bd_sprung *given) {
+  const double unit = mount->row->angle ? 1.0 : model->radius[mount->pulley];
+  const double held = 4.0 * model->belt.axial_stiffness / model->belt.length;
+  if (mount->friction > 0.0) {
+    mount->adapts = given->friction_stiffness > 0.0 ? given->friction_stiffness / mount->friction
+                                                    : 1.0 / (PRESLIDING * unit);
+  }
+  mount->has_stops = mount->highest > mount->lowest;
+  if (mount->stop_stiffness == 0.0) {
+    mount->stop_stiffness = STOP * held * mount->lever * mount->lever;
+    if (mount->stop_damping == 0.0) {
+      mount->stop_damping = sqrt(mount->stop_stiffness * mount->inertia);
     }
   }
 }
@@ -268,19 +194,149 @@ static bd_place place_on_path(const bd_mounted *mount, double t) {
   return at;
 }
 
-bd_place bd_mount_place(const bd_mounted *mount, double q) {
-  if (mount->kind == BD_MOUNT_PATH) {
-    return place_on_path(mount, q);
-  }
-  if (mount->kind == BD_MOUNT_SLIDER) {
-    return (bd_place){
-        .c = {mount->drawn[0] + q * mount->direction[0], mount->drawn[1] + q * mount->direction[1]},
-        .a = {mount->direction[0], mount->direction[1]}};
-  }
-  const double dx = mount->drawn[0] - mount->pivot[0], dy = mount->drawn[1] - mount->pivot[1];
+static bd_place place_on_slider(const bd_mounted *mount, double q) {
+  const double *along = mount->guide;
+  return (bd_place){.c = {mount->drawn[0] + q * along[0], mount->drawn[1] + q * along[1]},
+                    .a = {along[0], along[1]}};
+}
+
+static bd_place place_on_arm(const bd_mounted *mount, double q) {
+  const double dx = mount->drawn[0] - mount->guide[0], dy = mount->drawn[1] - mount->guide[1];
   const double x = cos(q) * dx - sin(q) * dy, y = sin(q) * dx + cos(q) * dy;
   return (bd_place){
-      .c = {mount->pivot[0] + x, mount->pivot[1] + y}, .a = {-y, x}, .bend = {-x, -y}};
+      .c = {mount->guide[0] + x, mount->guide[1] + y}, .a = {-y, x}, .bend = {-x, -y}};
+}
+
+/* --- the table -------------------------------------------------------------------------------- */
+
+static const bd_mount_kind kinds[] = {
+    [BD_MOUNT_ARM] = {.name = "arm",
+                      .many = "arms",
+                      .guide = "pivot",
+                      .moves = 1,
+                      .angle = 1,
+                      .step = 1e-3,
+                      .longest = 3e-2,
+                      .farthest = BD_PI,
+                      .check = check_arm,
+                      .fill = fill_arm,
+                      .place = place_on_arm},
+    [BD_MOUNT_SLIDER] = {.name = "slider",
+                         .many = "sliders",
+                         .guide = "direction",
+                         .moves = 1,
+                         .step = 2e-4,
+                         .longest = 5e-3,
+                         .farthest = 1.0,
+                         .check = check_slider,
+                         .fill = fill_slider,
+                         .place = place_on_slider},
+    [BD_MOUNT_PATH] = {.name = "path",
+                       .many = "paths",
+                       .check = check_path,
+                       .fill = fill_path,
+                       .place = place_on_path},
+};
+
+enum { N_KINDS = sizeof kinds / sizeof kinds[0] };
+
+const char *bd_mount_name(int kind, const char **guide) {
+  const int known = kind >= 0 && kind < N_KINDS;
+  *guide = known ? kinds[kind].guide : NULL;
+  return known ? kinds[kind].name : NULL;
+}
+
+int bd_mount_check(const bd_scene *scene, int j, bd_error *err) {
+  const bd_mount *mount = scene->pulleys[j].mount;
+  const bd_belt_model *belt = bd_belt_model_of(&scene->belt);
+  const char *guide, *name = bd_mount_name(mount->kind, &guide);
+  char label[40];
+  snprintf(label, sizeof label, "pulleys[%d].mount", j);
+  if (belt && !belt->facts.mounts) {
+    return bd_fail_at(err, BD_ERR_PARAMETER, label, (double)NAN, -1, j, (double)NAN,
+                      "%s: a pulley with a mount needs belt.mesh \"joint\"", label);
+  }
+  if (!name) {
+    return refuse(err, j, "kind", mount->kind, "must be arm, slider or path");
+  }
+  const double lowest = mount->numbers.lowest, highest = mount->numbers.highest;
+  int code = bd_parameters_check(name, label, &mount->numbers, err);
+  code = code == BD_OK ? kinds[mount->kind].check(&scene->pulleys[j], j, err) : code;
+  return code != BD_OK || highest > lowest || (lowest == 0.0 && highest == 0.0)
+             ? code
+             : refuse(err, j, "highest", highest, "must be > lowest");
+}
+
+void bd_model_carve_mounts(bd_carver *carver, bd_model *model, const bd_scene *scene) {
+  int n = 0;
+  for (int j = 0; j < scene->n_pulleys; ++j) {
+    n += scene->pulleys[j].mount != NULL;
+  }
+  model->lay.nm = n;
+  if (n == 0) {
+    return;
+  }
+  BD_CARVE(carver, model->mounts, n);
+  BD_CARVE(carver, model->mounted, n);
+  BD_CARVE(carver, model->mount_of, scene->n_pulleys);
+  for (int j = 0, m = 0; j < scene->n_pulleys; ++j) {
+    const bd_mount *mount = scene->pulleys[j].mount;
+    if (mount && !kinds[mount->kind].guide) {
+      bd_mounted *made = carver->base ? &model->mounts[m] : &(bd_mounted){0};
+      BD_CARVE(carver, made->t, mount->n_t);
+      BD_CARVE(carver, made->points, 2 * mount->n_t);
+      BD_CARVE(carver, made->slopes, 2 * mount->n_t);
+      BD_CARVE(carver, made->scratch, mount->n_t);
+    }
+    m += mount != NULL;
+  }
+}
+
+void bd_model_fill_mounts(bd_model *model, const bd_scene *scene) {
+  int has[N_KINDS] = {0};
+  for (int j = 0, m = 0; model->lay.nm > 0 && j < scene->n_pulleys; ++j) {
+    const bd_mount *given = scene->pulleys[j].mount;
+    model->mount_of[j] = given ? m : -1;
+    if (!given) {
+      continue;
+    }
+    bd_mounted *mount = &model->mounts[m];
+    model->mounted[m++] = mount->pulley = j;
+    mount->kind = given->kind;
+    mount->row = &kinds[given->kind];
+    mount->drawn[0] = model->cx[j];
+    mount->drawn[1] = model->cy[j];
+    mount->lever = 1.0;
+    fill_sprung(mount, &given->numbers);
+    mount->row->fill(mount, model, given);
+    if (mount->row->moves) {
+      choose(mount, model, &given->numbers);
+      ++model->n_moving;
+      has[mount->kind] = 1;
+    }
+  }
+  size_t at = 0;
+  for (int k = 0; k < N_KINDS; ++k) {
+    if (has[k]) {
+      at += (size_t)snprintf(model->moving + at, sizeof model->moving - at, "%s%s",
+                             at > 0 ? " and " : "mounts: ", kinds[k].many);
+    }
+  }
+}
+
+void bd_mount_direction(const bd_mount *given, const double center[2], double direction[2]) {
+  static const bd_model nowhere;
+  bd_mounted mount = {.row = &kinds[given->kind], .drawn = {center[0], center[1]}};
+  mount.row->fill(&mount, &nowhere, given);
+  const bd_place at = bd_mount_place(&mount, 0.0);
+  memcpy(direction, at.a, sizeof at.a);
+}
+
+bd_mount_numbers bd_model_mount(const bd_model *model, int m) {
+  const bd_mounted *mount = &model->mounts[m];
+  return (bd_mount_numbers){.inertia = mount->inertia,
+                            .friction_stiffness = mount->friction * mount->adapts,
+                            .stop_stiffness = mount->stop_stiffness};
 }
 
 /* --- what acts on it -------------------------------------------------------------------------- */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Where arms and sliders rest: in balance with the tension of the belt, which depends on where all
+ * Where mounts that move rest: in balance with the tension of the belt, which depends on where all
  * of them are (MODEL section 5). Each on its own is let go from the place of the scene until the
  * force on it changes sign; those of several together then by Newton's method.
  */
@@ -10,10 +10,6 @@
 
 #include "model/model.h"
 
-/* Travel looked at: by steps that grow, of an arm [rad], of a slider over the belt's length. */
-static const double STEP[] = {[BD_MOUNT_ARM] = 1e-3, [BD_MOUNT_SLIDER] = 2e-4};
-static const double LONGEST[] = {[BD_MOUNT_ARM] = 3e-2, [BD_MOUNT_SLIDER] = 5e-3};
-static const double FARTHEST[] = {[BD_MOUNT_ARM] = BD_PI, [BD_MOUNT_SLIDER] = 1.0};
 static const double PRECISION = 1e-12; /* of forces, over the belt's tension */
 
 typedef struct search {
@@ -23,12 +19,8 @@ typedef struct search {
   double *q, *force, *other, *matrix, *factors; /* (n), (n), (n), (n, n), (n, n) */
 } search;
 
-static int moves(const bd_mounted *mount) {
-  return mount->kind != BD_MOUNT_PATH;
-}
-
 static double unit_of(const search *s, int m) {
-  return s->model->mounts[m].kind == BD_MOUNT_ARM ? 1.0 : s->model->belt.length;
+  return s->model->mounts[m].row->angle ? 1.0 : s->model->belt.length;
 }
 
 static void put(const search *s, int m, double q) {
@@ -86,9 +78,9 @@ static void close_in(const search *s, int m, double a, double fa, double b, doub
 
 /* Lets one mount go, the others standing. */
 static int release(const search *s, int m) {
-  const int kind = s->model->mounts[m].kind;
+  const bd_mount_kind *row = s->model->mounts[m].row;
   const double unit = unit_of(s, m), begin = s->q[m];
-  double q = begin, step = STEP[kind] * unit;
+  double q = begin, step = row->step * unit;
   bd_error line;
   double force = force_at(s, m, q, &line);
   if (isnan(force)) {
@@ -99,7 +91,7 @@ static int release(const search *s, int m) {
     return BD_OK;
   }
   const double sense = force > 0.0 ? 1.0 : -1.0;
-  while (fabs(q - begin) < FARTHEST[kind] * unit) {
+  while (fabs(q - begin) < row->farthest * unit) {
     const double next = q + sense * step, there = force_at(s, m, next, &line);
     if (isnan(there)) {
       s->q[m] = q;
@@ -107,7 +99,7 @@ static int release(const search *s, int m) {
       snprintf(why, sizeof why,
                "finds no balance with the belt: at a travel of %.4g %s the belt has no line any "
                "more (%.200s); another preload, stiffness or length of the belt, or stops",
-               next, kind == BD_MOUNT_ARM ? "rad" : "m", line.message);
+               next, row->angle ? "rad" : "m", line.message);
       return fail(s, m, why);
     }
     if (there * sense <= 0.0) {
@@ -116,7 +108,7 @@ static int release(const search *s, int m) {
     }
     q = next;
     force = there;
-    step = fmin(1.3 * step, LONGEST[kind] * unit);
+    step = fmin(1.3 * step, row->longest * unit);
   }
   return fail(
       s, m,
@@ -132,8 +124,8 @@ static double forces_of(const search *s, double *out) {
   double largest = 0.0;
   for (int m = 0; m < s->n; ++m) {
     const bd_mounted *mount = &s->model->mounts[m];
-    out[m] = moves(mount) ? force_on(s, m, tension) : 0.0;
-    largest = moves(mount) ? fmax(largest, fabs(out[m]) / mount->lever) : largest;
+    out[m] = mount->row->moves ? force_on(s, m, tension) : 0.0;
+    largest = mount->row->moves ? fmax(largest, fabs(out[m]) / mount->lever) : largest;
   }
   return isnan(tension) ? (double)INFINITY : largest;
 }
@@ -145,7 +137,7 @@ static void linearise(const search *s) {
   for (int k = 0; k < n; ++k) {
     const double q = s->q[k], h = 1e-6 * unit_of(s, k);
     for (int side = -1; side <= 1; side += 2) {
-      if (moves(&s->model->mounts[k])) {
+      if (s->model->mounts[k].row->moves) {
         put(s, k, q + side * h);
         forces_of(s, ahead);
       }
@@ -154,7 +146,7 @@ static void linearise(const search *s) {
         *entry = (side < 0 ? 0.0 : *entry) - side * ahead[m] / (2.0 * h);
       }
     }
-    if (!moves(&s->model->mounts[k])) {
+    if (!s->model->mounts[k].row->moves) {
       for (int m = 0; m < n; ++m) {
         s->matrix[m * n + k] = m == k;
       }
@@ -208,7 +200,7 @@ static double energy_of(const search *s) {
   for (int m = 0; m < s->n; ++m) {
     const bd_mounted *mount = &model->mounts[m];
     const bd_place at = bd_mount_place(mount, s->q[m]);
-    sum += moves(mount)
+    sum += mount->row->moves
                ? bd_mount_stored(mount, s->q[m]) -
                      mount->mass * (model->gravity[0] * at.c[0] + model->gravity[1] * at.c[1])
                : 0.0;
@@ -245,18 +237,14 @@ static int step_down(const search *s, double *largest) {
 static int release_all(const search *s) {
   int code = BD_OK;
   for (int m = 0; code == BD_OK && m < s->n; ++m) {
-    code = moves(&s->model->mounts[m]) ? release(s, m) : BD_OK;
+    code = s->model->mounts[m].row->moves ? release(s, m) : BD_OK;
   }
   return code;
 }
 
 static int balance(const search *s, double scale) {
   int code = release_all(s);
-  int several = -1;
-  for (int m = 0; m < s->n; ++m) {
-    several += moves(&s->model->mounts[m]);
-  }
-  if (code != BD_OK || several <= 0) {
+  if (code != BD_OK || s->model->n_moving < 2) {
     return code;
   }
   double largest = forces_of(s, s->force);
@@ -325,7 +313,7 @@ int bd_mounts_rest(bd_model *model) {
     for (int m = 0; m < n; ++m) {
       model->mounts[m].rest = s.q[m];
       model->mounts[m].held = s.matrix[m * n + m];
-      if (moves(&model->mounts[m]) && !(tension > 1e-9 * scale)) {
+      if (model->mounts[m].row->moves && !(tension > 1e-9 * scale)) {
         code = fail(&s, m,
                     "cannot hold a tension: in its balance the belt is slack; give it a preload, "
                     "a weight or stops, or a shorter belt");

@@ -44,20 +44,12 @@ static double depth_of(const bd_model *model, int j, double pull) {
   return bd_contact_depth(model->contact.quadratic, model->contact.linear, pull / model->radius[j]);
 }
 
-/* Arms and sliders give way to a belt that runs, so that the pull which presses it on its pulleys
+/* Mounts that move give way to a belt that runs, so that the pull which presses it on its pulleys
  * stays what it was; between fixed axes the path decides. */
 double bd_running_tension(const bd_model *model, double speed) {
-  return bd_model_gives_way(model)
+  return model->n_moving > 0
              ? bd_rest_tension(model, 0.0) + model->belt.linear_density * speed * speed
              : bd_rest_tension(model, speed);
-}
-
-int bd_model_gives_way(const bd_model *model) {
-  int moves = 0;
-  for (int m = 0; m < model->lay.nm; ++m) {
-    moves |= model->mounts[m].kind != BD_MOUNT_PATH;
-  }
-  return moves;
 }
 
 double bd_running_radius(const bd_model *model, int j, double tension, double speed) {

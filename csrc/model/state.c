@@ -24,6 +24,27 @@ const bd_field_row bd_state_fields[BD_N_FIELDS] = {
 #undef X
 };
 
+size_t bd_size(const bd_info *of, int size) {
+  switch (size) {
+#define X(name, count)                                                                             \
+  case BD_SIZE_##name:                                                                             \
+    return (size_t)(count);
+    BD_SIZES(X)
+#undef X
+  default:
+    return 0;
+  }
+}
+
+const char *bd_size_name(int size) {
+  static const char *const names[] = {
+#define X(name, count) #name,
+      BD_SIZES(X)
+#undef X
+  };
+  return size >= 0 && size < BD_N_SIZES ? names[size] : NULL;
+}
+
 int bd_field_pieces(const bd_layout *lay, int row) {
   const int size = bd_state_fields[row].size;
   return size == BD_SIZE_STATES  ? lay->slots * lay->states
@@ -45,17 +66,26 @@ int bd_field_length(const bd_layout *lay, int row) {
 }
 
 size_t bd_field_offset(const bd_layout *lay, int row, int k) {
-  if (row >= F_RIM_ANGLE) {
-    return (size_t)(lay->rim_angle + (row - F_RIM_ANGLE) * lay->nc);
+  return (size_t)lay->offset[row] + (size_t)k * (size_t)lay->stride;
+}
+
+/* Blocks of links, then numbers of pulleys and parts. */
+void bd_layout_fields(bd_layout *lay) {
+  for (int row = 0; row < F_THETA; ++row) {
+    const int block = bd_block(lay, row == F_SLIP ? bd_f_slip(lay, 0) : row);
+    lay->offset[row] = block * lay->stride + BD_HALO;
   }
-  if (row >= F_TRAVEL) {
-    return (size_t)(lay->travel + (row - F_TRAVEL) * lay->nm);
+  lay->work = bd_block(lay, bd_f_slip(lay, lay->slots)) * lay->stride;
+  for (int row = F_THETA; row < BD_N_FIELDS; ++row) {
+    lay->offset[row] = lay->work;
+    lay->work += bd_field_length(lay, row);
   }
-  if (row >= F_THETA) {
-    return (size_t)(lay->theta + (row - F_THETA) * lay->np);
-  }
-  const int block = (row < F_MU ? row : row == F_MU ? F_MU : bd_f_slip(lay, 0)) + k;
-  return (size_t)bd_block(lay, block) * (size_t)lay->stride + BD_HALO;
+}
+
+/* Of value i of a row of the tail. */
+static int pulley_at(const bd_layout *lay, int row, int i) {
+  const int size = bd_state_fields[row].size;
+  return size == BD_SIZE_MOUNTS ? lay->mounted[i] : size == BD_SIZE_COUPLINGS ? lay->coupled[i] : i;
 }
 
 int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
@@ -64,17 +94,12 @@ int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
   if (at >= lay->work) {
     return -1;
   }
-  if (at >= lay->rim_angle) {
-    *pulley = lay->coupled[(at - lay->rim_angle) % lay->nc];
-    return F_RIM_ANGLE + (at - lay->rim_angle) / lay->nc;
-  }
-  if (at >= lay->travel) {
-    *pulley = lay->mounted[(at - lay->travel) % lay->nm];
-    return F_TRAVEL + (at - lay->travel) / lay->nm;
-  }
-  if (at >= lay->theta) {
-    *pulley = (at - lay->theta) % lay->np;
-    return F_THETA + (at - lay->theta) / lay->np;
+  for (int row = F_THETA; row < BD_N_FIELDS; ++row) {
+    const int i = at - lay->offset[row];
+    if (i >= 0 && i < bd_field_length(lay, row)) {
+      *pulley = pulley_at(lay, row, i);
+      return row;
+    }
   }
   if (link < 0 || link >= lay->n) {
     return -1;
@@ -104,11 +129,8 @@ static int check_finite(const bd_layout *lay, const bd_state *state, bd_error *e
     const int length = bd_field_length(lay, row), of_links = row < F_THETA;
     for (int i = 0; i < length * bd_field_pieces(lay, row); ++i) {
       if (!isfinite(v[i])) {
-        const int pulley = row >= F_RIM_ANGLE ? lay->coupled[i]
-                           : row >= F_TRAVEL  ? lay->mounted[i]
-                                              : i;
         return bd_fail_at(err, BD_ERR_STATE, bd_state_fields[row].name, (double)NAN,
-                          of_links ? i % length : -1, of_links ? -1 : pulley, v[i],
+                          of_links ? i % length : -1, of_links ? -1 : pulley_at(lay, row, i), v[i],
                           "state %s[%d] must be finite, got %g", bd_state_fields[row].name, i,
                           v[i]);
       }
@@ -118,8 +140,8 @@ static int check_finite(const bd_layout *lay, const bd_state *state, bd_error *e
 }
 
 int bd_state_wrapped(const bd_model *model, const double *phi, double *turn) {
-  const int n = model->lay.string ? 0 : model->lay.n;
-  for (int i = 0; i < n; ++i) {
+  const int n = model->lay.n;
+  for (int i = 0; bd_has_field(&model->lay, F_PHI) && i < n; ++i) {
     double closing = i == 0 ? 2.0 * BD_PI * model->info.winding : 0.0;
     *turn = phi[i] - phi[i > 0 ? i - 1 : n - 1] + closing;
     if (fabs(*turn) > 1.5 * BD_PI || fabs(phi[i]) > LARGEST_ANGLE) {
@@ -141,28 +163,18 @@ static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
   return BD_OK;
 }
 
-/* Bound of a link's friction state: of the law of the pulley that it touches, else, where it will
- * be reset, the largest of the slot's. */
+/* Whether the part of the belt that touches at node i touches pulley j. */
 static int touches(const bd_model *model, const bd_state *state, int i, int j) {
-  const double half = model->along_links ? 0.5 * model->info.link_length : 0.0;
   const int m = model->mount_of ? model->mount_of[j] : -1;
-  bd_place at = {.c = {model->cx[j], model->cy[j]}};
-  if (m >= 0) {
-    at = bd_mount_place(&model->mounts[m], state->travel[m]);
-  }
-  const double dx = state->x[i] - model->origin[0] - at.c[0];
-  const double dy = state->y[i] - model->origin[1] - at.c[1];
-  if (model->lay.string) {
-    const int next = i + 1 < model->lay.n ? i + 1 : 0;
-    const double bx = state->x[next] - state->x[i], by = state->y[next] - state->y[i];
-    return fmin(hypot(dx, dy), hypot(dx + bx, dy + by)) < model->contact_radius[j];
-  }
-  const double ex = half * cos(state->phi[i]), ey = half * sin(state->phi[i]);
-  return fmin(hypot(dx - ex, dy - ey), hypot(dx + ex, dy + ey)) < model->contact_radius[j];
+  const bd_place at = m >= 0 ? bd_mount_place(&model->mounts[m], state->travel[m])
+                             : (bd_place){.c = {model->cx[j], model->cy[j]}};
+  const double axis[2] = {model->origin[0] + at.c[0], model->origin[1] + at.c[1]};
+  return model->belt_model->distance(model, state, i, axis) < model->contact_radius[j];
 }
 
-/* Of a state's magnitude: that of its law, or where that has none FAR_STATE times its scale, which
- * no state of its own reaches. */
+/* Of a state's magnitude, by the law of the pulley that the node touches, else, where it will be
+ * reset, the largest of the slot's; where a law has none FAR_STATE times its scale, which no state
+ * of its own reaches. */
 static double friction_bound(const bd_model *model, const bd_state *state, int slot, int element,
                              int i) {
   double largest = 0.0;
@@ -176,8 +188,7 @@ static double friction_bound(const bd_model *model, const bd_state *state, int s
     if (used && isinf(bound)) {
       bound = FAR_STATE * bd_friction_state_scale(model, j, element);
     }
-    const int before = i > 0 ? i - 1 : model->lay.n - 1;
-    if (touches(model, state, i, j) || (model->along_links && touches(model, state, before, j))) {
+    if (touches(model, state, i, j)) {
       return bound;
     }
     largest = fmax(largest, bound);
@@ -274,32 +285,14 @@ void bd_state_export(const bd_model *model, const double *y, double turns, bd_st
       }
     }
   }
-  if (lay->string) {
-    bd_state_directions(lay, y, state->phi, state->vphi);
-  }
-}
-
-void bd_state_directions(const bd_layout *lay, const double *y, double *phi, double *vphi) {
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  double before = 0.0;
-  for (int i = 0; i < lay->n; ++i) {
-    const int next = i + 1 < lay->n ? i + 1 : 0;
-    const double dx = x[next] - x[i], dy = yy[next] - yy[i];
-    const double du = vx[next] - vx[i], dv = vy[next] - vy[i];
-    before += remainder(atan2(dy, dx) - before, 2.0 * BD_PI);
-    if (phi) {
-      phi[i] = before;
-    }
-    if (vphi) {
-      vphi[i] = (dx * dv - dy * du) / (dx * dx + dy * dy);
-    }
+  if (model->belt_model->directions) {
+    model->belt_model->directions(lay, y, state->phi, state->vphi);
   }
 }
 
 void bd_state_wind(const bd_layout *lay, double *y, double *turns) {
-  double *phi = lay->string ? NULL : bd_field(lay, y, F_PHI);
-  if (!phi || fabs(phi[0]) <= MAX_ANGLE) {
+  double *phi = bd_field(lay, y, F_PHI);
+  if (!bd_has_field(lay, F_PHI) || fabs(phi[0]) <= MAX_ANGLE) {
     return;
   }
   double whole = rint(phi[0] / (2.0 * BD_PI));
@@ -347,7 +340,7 @@ double bd_state_scale(const bd_model *model, int row, int k) {
                                                       : 0.5 * model->info.link_length;
   const int states = model->lay.states;
   double least = INFINITY;
-  if (mount && mount->kind == BD_MOUNT_PATH) {
+  if (mount && !mount->row->moves) {
     return INFINITY;
   }
   switch (field->scale) {

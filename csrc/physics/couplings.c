@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Couplings between shafts and rims (MODEL section 5), a row of the table in effects.c, and their
- * part in the linear systems (newton_system.c): a rim with a coupling is one more body of one
- * degree of freedom, after shafts and mounts, and its windup is eliminated,
+ * Couplings between shafts and rims (MODEL section 5), and their part in the linear systems
+ * (newton_system.c): a rim with a coupling is one more body of one degree of freedom, after shafts
+ * and mounts, and its windup is eliminated,
  *
  *   k_z = g c_z + g s (k_rim - k_shaft) engaged,    k_z = g c_z / (1 + g k / d) released.
  */
@@ -10,11 +10,11 @@
 
 #include "physics/physics.h"
 
-int bd_couplings_enabled(const bd_model *model, const bd_plan_options *options) {
+static int enabled(const bd_model *model, const bd_plan_options *options) {
   return model->lay.nc > 0 && !options->hold_pulleys;
 }
 
-const char *bd_couplings_label(const bd_plan *plan) {
+static const char *label(const bd_plan *plan) {
   int has[3] = {0};
   for (int c = 0; c < plan->model->lay.nc; ++c) {
     has[plan->model->couplings[c].kind] = 1;
@@ -34,7 +34,7 @@ static bd_coupling_state coupling_at(const bd_plan *plan, const double *y, int c
 }
 
 /* After the pass of the pulleys. */
-int bd_couplings_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+static int rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
@@ -54,11 +54,11 @@ int bd_couplings_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *
   return BD_OK;
 }
 
-void bd_couplings_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+static void carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
   BD_CARVE(carver, out->couplings, model->lay.nc);
 }
 
-void bd_couplings_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+static void tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   for (int c = 0; c < plan->model->lay.nc; ++c) {
     const bd_coupled *k = &plan->model->couplings[c];
     if (plan->mass_damping > 0.0) {
@@ -74,8 +74,8 @@ void bd_couplings_tangent(const bd_plan *plan, const double *y, bd_derivatives *
 }
 
 /* Of a clutch that has come free, to what its rollers are: a windup is never negative. */
-int bd_couplings_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                            bd_error *err) {
+static int after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                      bd_error *err) {
   (void)t, (void)err;
   const bd_model *model = plan->model;
   for (int c = 0; c < model->lay.nc; ++c) {
@@ -88,7 +88,7 @@ int bd_couplings_after_step(bd_plan *plan, double t, double *y, double tolerance
   return BD_OK;
 }
 
-void bd_couplings_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+static void energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
   const bd_layout *lay = &plan->model->lay;
   for (int c = 0; c < lay->nc; ++c) {
     const bd_coupled *k = &plan->model->couplings[c];
@@ -98,30 +98,23 @@ void bd_couplings_energy(const bd_plan *plan, const double *y, double terms[BD_N
   }
 }
 
-void bd_couplings_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+static void outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   for (int c = 0; c < lay->nc; ++c) {
-    const struct {
-      double *to, value;
-    } columns[] = {
-        {out->rim_angle, y[lay->rim_angle + c]},
-        {out->rim_speed, y[lay->rim_speed + c]},
-        {out->windup, model->couplings[c].kind == BD_COUPLING_CLUTCH
-                          ? fmax(0.0, y[lay->windup + c]) /* between steps it is interpolated */
-                          : y[lay->windup + c]},
-        {out->transmitted, model->couplings[c].sense * bd_coupling_at(model, y, c).torque},
-    };
-    for (size_t n = 0; n < sizeof columns / sizeof columns[0]; ++n) {
-      if (columns[n].to) {
-        columns[n].to[k * (size_t)lay->nc + (size_t)c] = columns[n].value;
-      }
-    }
+    const int clutch = model->couplings[c].kind == BD_COUPLING_CLUTCH;
+    const double z = y[lay->windup + c]; /* between steps it is interpolated */
+    const size_t at = k * (size_t)lay->nc + (size_t)c;
+    bd_put(out->rim_angle, at, y[lay->rim_angle + c]);
+    bd_put(out->rim_speed, at, y[lay->rim_speed + c]);
+    bd_put(out->windup, at, clutch ? fmax(0.0, z) : z);
+    bd_put(out->transmitted, at, model->couplings[c].sense * bd_coupling_at(model, y, c).torque);
   }
 }
 
-double bd_clutch_off_line(const bd_plan *plan, const double *y, const double *y_new, int c,
-                          double g) {
+/* What a linear system with g leaves out of the speeds at clutch c, which has engaged or come free
+ * between y and y_new [rad/s]. */
+static double off_line(const bd_plan *plan, const double *y, const double *y_new, int c, double g) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_coupled *k = &model->couplings[c];
@@ -138,14 +131,54 @@ double bd_clutch_off_line(const bd_plan *plan, const double *y, const double *y_
   return g * off / (lighter + (after.engaged ? stiff : 0.0));
 }
 
+static double unseen(const bd_plan *plan, const bd_step *step) {
+  double most = 0.0;
+  for (int c = 0; c < plan->model->lay.nc; ++c) {
+    const double faster = off_line(plan, step->y, step->y_new, c, step->g);
+    most = fmax(most, step->weights[plan->model->lay.rim_speed + c] * fabs(faster));
+  }
+  return most;
+}
+
+static void stiffness(bd_stiffening *at) {
+  const bd_model *model = at->model;
+  for (int c = 0; c < model->lay.nc; ++c) {
+    const bd_coupled *k = &model->couplings[c];
+    const double light = 1.0 / k->inertia + 1.0 / at->inertia;
+    if (k->pulley == at->pulley) {
+      bd_stiffen(at, BD_STIFF_OWN, "a very stiff coupling", k->stiffness * light,
+                 k->damping * light,
+                 k->kind == BD_COUPLING_CLUTCH ? k->stiffness / k->damping : 0.0);
+    }
+  }
+}
+
+static double on_shaft(const bd_plan *plan, const double *y, int j) {
+  const bd_model *model = plan->model;
+  double sum = 0.0;
+  for (int c = 0; c < model->lay.nc; ++c) {
+    if (model->couplings[c].pulley == j) {
+      sum += model->couplings[c].sense * bd_coupling_at(model, y, c).torque;
+    }
+  }
+  return sum;
+}
+
+/* At rest no torque goes through a coupling. */
+static void rest(const bd_plan *plan, double *y) {
+  for (int c = 0; c < plan->model->lay.nc; ++c) {
+    y[plan->model->lay.windup + c] = 0.0;
+  }
+}
+
 /* --- in the linear systems -------------------------------------------------------------------- */
 
 static double between(const bd_derivatives *at, int c, double g) {
   return g * (g * at->couplings[c].stiffness + at->couplings[c].damping);
 }
 
-double bd_coupling_entry(const bd_derivatives *at, const bd_model *model, int row, int column,
-                         double g) {
+static double entry(const bd_derivatives *at, const bd_model *model, int row, int column,
+                    double g) {
   double sum = 0.0;
   for (int c = 0; c < model->lay.nc; ++c) {
     const int shaft = model->couplings[c].pulley, rim = bd_rim_body(&model->lay, c);
@@ -155,8 +188,8 @@ double bd_coupling_entry(const bd_derivatives *at, const bd_model *model, int ro
   return sum;
 }
 
-void bd_coupling_product(const bd_derivatives *at, const bd_model *model, double g, const double *y,
-                         double *rhs) {
+static void product(const bd_derivatives *at, const bd_model *model, double g, const double *y,
+                    double *rhs) {
   const bd_layout *lay = &model->lay;
   for (int c = 0; c < lay->nc; ++c) {
     const bd_coupled *k = &model->couplings[c];
@@ -166,8 +199,8 @@ void bd_coupling_product(const bd_derivatives *at, const bd_model *model, double
   }
 }
 
-void bd_coupling_finish(const bd_derivatives *at, const bd_model *model, double g,
-                        const double *rhs, double *y) {
+static void finish(const bd_derivatives *at, const bd_model *model, double g, const double *rhs,
+                   double *y) {
   const bd_layout *lay = &model->lay;
   for (int c = 0; c < lay->nc; ++c) {
     const bd_coupling_tangent *k = &at->couplings[c];
@@ -177,3 +210,39 @@ void bd_coupling_finish(const bd_derivatives *at, const bd_model *model, double 
     y[lay->windup + c] = g * (y[lay->windup + c] + k->winds * (rim - shaft)) / (1.0 + g * k->decay);
   }
 }
+
+static void states(const bd_derivatives *at, const bd_layout *lay, const bd_state_entries *to) {
+  for (int c = 0; c < lay->nc; ++c) {
+    const bd_coupling_tangent *k = &at->couplings[c];
+    const int windup = lay->windup + c, rim = lay->rim_speed + c;
+    to->column(to->reading, windup);
+    to->put(to->reading, lay->rim_angle + c, rim, 1.0);
+    to->put(to->reading, windup, rim, k->winds);
+    to->put(to->reading, windup, lay->omega + lay->coupled[c], -k->winds);
+    to->put(to->reading, windup, windup, -k->decay);
+  }
+}
+
+const bd_effect bd_effect_couplings = {
+    .name = "couplings of shafts and rims",
+    .asked_by = "isolator clutch damper",
+    .label = label,
+    .enabled = enabled,
+    .rate = rate,
+    .tangent = tangent,
+    .carve_tangent = carve_tangent,
+    .entry = entry,
+    .product = product,
+    .finish = finish,
+    .states = states,
+    .after_step = after_step,
+    .unseen = unseen,
+    .stiffness = stiffness,
+    .rest = rest,
+    .on_shaft = on_shaft,
+    .outputs = outputs,
+    .energy = energy,
+    .n_works = 1,
+    .works = {BD_LOST_IN(coupling_loss, "dampers of couplings have given", 1)},
+    .store = BD_ENERGY_coupling,
+};

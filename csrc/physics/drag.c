@@ -34,19 +34,17 @@ double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j,
          2.0 * drag->quadratic * fastest;
 }
 
-double bd_drag_torque(const bd_model *model, int j, double omega) {
-  return bd_resistance(&model->drag[j], omega, bd_turning_speed(model, j)).torque;
-}
-
-/* Of pulley j at a state, against the arm on which it may stand. */
+/* Of pulley j at a state, against its bearings, which a mount may turn. */
 static double drag_speed(const bd_model *model, const double *y, int j) {
   const bd_layout *lay = &model->lay;
-  const double turning = bd_arm_of(model, j) ? y[lay->travel_speed + model->mount_of[j]] : 0.0;
-  return y[lay->omega + j] - turning;
+  const int m = bd_turned_by(model, j);
+  return y[lay->omega + j] - (m >= 0 ? model->mounts[m].turning * y[lay->travel_speed + m] : 0.0);
 }
 
-double bd_drag_torque_in(const bd_model *model, const double *y, int j) {
-  return bd_drag_torque(model, j, drag_speed(model, y, j));
+static double on_shaft(const bd_plan *plan, const double *y, int j) {
+  const bd_model *model = plan->model;
+  const double w0 = bd_turning_speed(model, j);
+  return -bd_resistance(&model->drag[j], drag_speed(model, y, j), w0).torque;
 }
 
 static void add_off_line(bd_resisting *sum, bd_resisting here, bd_resisting there, double faster) {
@@ -61,8 +59,9 @@ static bd_resisting load_at(const bd_plan *plan, const bd_torque_term *term, dou
   return (bd_resisting){.torque = -factor * load.torque, .slope = -factor * load.by_omega};
 }
 
-bd_resisting bd_resistance_off_line(const bd_plan *plan, double t, const double *y,
-                                    const double *y_new, int j) {
+/* How far the torque at y_new is from the line through that at y, and the slope of this line. */
+static bd_resisting off_line(const bd_plan *plan, double t, const double *y, const double *y_new,
+                             int j) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const bd_torque_set *set = &plan->torques;
@@ -84,34 +83,54 @@ bd_resisting bd_resistance_off_line(const bd_plan *plan, double t, const double 
   return sum;
 }
 
+/* Where a pulley sticks to its dry friction, g slope >> inertia: the system divides by it whatever
+ * the torque at y_new differs from the line through that at y, in the solution and in the estimate,
+ * and a pulley that breaks loose creeps on along the line. Of that difference, its effect on the
+ * speed as a free pulley has it, by the share that is hidden; on a slope that falls the system may
+ * turn its sign. */
+double bd_resistance_unseen(const bd_plan *plan, const bd_step *step) {
+  const bd_model *model = plan->model;
+  double most = 0.0;
+  for (int j = 0; step->implicit && j < model->lay.np; ++j) {
+    const double weight = step->weights[model->lay.omega + j];
+    if (weight > 0.0) {
+      const bd_resisting off = off_line(plan, step->t, step->y, step->y_new, j);
+      const double stiff = step->g * off.slope / model->inertia[j];
+      const double hidden = fabs(stiff) / fmax(1.0, fabs(1.0 + stiff));
+      most = fmax(most, weight * step->h * fabs(off.torque) / model->inertia[j] * hidden);
+    }
+  }
+  return most;
+}
+
 /* --- the effect ------------------------------------------------------------------------------ */
 
 /* At rest there is none, and settling would only take longer. */
-int bd_drag_enabled(const bd_model *model, const bd_plan_options *options) {
+static int enabled(const bd_model *model, const bd_plan_options *options) {
   return !options->settling && model->drag != NULL;
 }
 
-int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+static int rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   double loss = 0.0;
   for (int j = 0; j < lay->np; ++j) {
-    const double torque = bd_drag_torque_in(model, y, j);
-    const bd_mounted *arm = bd_arm_of(model, j);
+    const double torque = -on_shaft(plan, y, j);
+    const int m = bd_turned_by(model, j);
     dy[lay->omega + j] -= torque / model->inertia[j];
     loss += torque * y[lay->omega + j];
-    if (arm) {
-      const int m = model->mount_of[j];
-      dy[lay->travel_speed + m] += torque / arm->inertia;
-      loss -= torque * y[lay->travel_speed + m];
+    if (m >= 0) {
+      const double on_mount = model->mounts[m].turning * torque;
+      dy[lay->travel_speed + m] += on_mount / model->mounts[m].inertia;
+      loss -= on_mount * y[lay->travel_speed + m];
     }
   }
   dy[lay->work + W_drag_loss] = loss;
   return BD_OK;
 }
 
-void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+static void tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_model *model = plan->model;
   for (int j = 0; j < model->lay.np; ++j) {
     out->pulley_damping[j] =
@@ -119,6 +138,26 @@ void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) 
   }
 }
 
-void bd_drag_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+static void carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
   BD_CARVE(carver, out->pulley_damping, model->lay.np);
 }
+
+static void stiffness(bd_stiffening *at) {
+  const double drag =
+      bd_steepest_resistance(&at->model->drag[at->pulley], at->model, at->pulley, at->tension);
+  bd_stiffen(at, BD_STIFF_PULLEY, "a pulley with very large bearing drag", 0.0, drag / at->inertia,
+             0.0);
+}
+
+const bd_effect bd_effect_drag = {
+    .name = "bearing drag",
+    .asked_by = "drag",
+    .enabled = enabled,
+    .rate = rate,
+    .tangent = tangent,
+    .carve_tangent = carve_tangent,
+    .stiffness = stiffness,
+    .on_shaft = on_shaft,
+    .n_works = 1,
+    .works = {BD_LOST_IN(drag_loss, "drag has given", 1)},
+};

@@ -1,29 +1,15 @@
 /* SPDX-License-Identifier: MIT
  *
- * The effects: what acts on belt and pulleys, one row each in the table at the end. A row names the
- * effect, says which scenes have it, and holds all that the rest of the core asks of it: its pass
- * of the rate, its derivatives, the energy it stores, its works.
+ * The effects: what acts on belt and pulleys, a row each, which says which scenes have it and holds
+ * all that the rest of the core asks of it. Here are those of every drive, and what is asked of all
+ * of them; the others' are in files of their own.
  */
 #include <string.h>
 
 #include "physics/physics.h"
 
-/* Of effects that do not depend on the state, or whose derivatives are taken elsewhere. */
-static void tangent_none(const bd_plan *plan, const double *y, bd_derivatives *out) {
+void bd_tangent_none(const bd_plan *plan, const double *y, bd_derivatives *out) {
   (void)plan, (void)y, (void)out;
-}
-
-/* --- moving centres (settling) ---------------------------------------------------------------- */
-
-static int moves_centres(const bd_model *model, const bd_plan_options *options) {
-  (void)model;
-  return options->offset != NULL;
-}
-
-static int pass_place(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  (void)dy, (void)err;
-  bd_plan_place(plan, t, y);
-  return BD_OK;
 }
 
 /* --- joints ----------------------------------------------------------------------------------- */
@@ -34,11 +20,7 @@ static int always(const bd_model *model, const bd_plan_options *options) {
 }
 
 static const char *label_joints(const bd_plan *plan) {
-  if (plan->model->lay.string) {
-    return "string: axial spring-dampers between point masses";
-  }
-  return plan->bending_on ? "joints: axial and bending spring-dampers"
-                          : "joints: axial spring-dampers";
+  return plan->model->belt_model->joints_text[plan->bending_on];
 }
 
 static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
@@ -50,7 +32,7 @@ static int pass_joints(bd_plan *plan, double t, double *y, double *dy, bd_error 
 
 static void carve_joints_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
   bd_tangent *t = &out->joints;
-  double **const by_link[] = {&t->end_x, &t->end_y, &t->cos, &t->sin, &t->spin, &t->pull};
+  double **const by_link[] = {&t->cos, &t->sin, &t->spin, &t->pull};
   for (size_t k = 0; k < sizeof by_link / sizeof by_link[0]; ++k) {
     bd_carve_links(carver, &model->lay, by_link[k]);
   }
@@ -59,6 +41,30 @@ static void carve_joints_tangent(bd_carver *carver, bd_derivatives *out, const b
 static void tangent_joints(const bd_plan *plan, const double *y, bd_derivatives *out) {
   plan->kernels->newton->linearise_joints(&plan->links, y, &out->joints);
 }
+
+static void stiffness_of_joints(bd_stiffening *at) {
+  const bd_info *info = &at->model->info;
+  const double shear = at->model->belt_model->facts.shear, m = info->link_mass,
+               turned = info->link_inertia;
+  bd_stiffen(at, BD_STIFF_LINK, "the belt's joints",
+             shear * info->joint_stiffness / m + 4.0 * info->bending_stiffness / turned,
+             shear * info->joint_damping / m + 4.0 * info->bending_damping / turned, 0.0);
+}
+
+const bd_effect bd_effect_joints = {
+    .name = "joints",
+    .asked_by = "belt",
+    .label = label_joints,
+    .enabled = always,
+    .rate = pass_joints,
+    .tangent = tangent_joints,
+    .carve_tangent = carve_joints_tangent,
+    .stiffness = stiffness_of_joints,
+    .outputs = bd_outputs_of_joints,
+    .energy = bd_energy_of_joints,
+    .n_works = 1,
+    .works = {BD_LOST_IN(joint_loss, "dampers of the joints have given", 1)},
+};
 
 /* --- gravity ---------------------------------------------------------------------------------- */
 
@@ -79,6 +85,15 @@ static int pass_gravity(bd_plan *plan, double t, double *y, double *dy, bd_error
   return BD_OK;
 }
 
+const bd_effect bd_effect_gravity = {
+    .name = "gravity",
+    .asked_by = "gravity",
+    .enabled = has_gravity,
+    .rate = pass_gravity,
+    .tangent = bd_tangent_none,
+    .energy = bd_energy_of_gravity,
+};
+
 /* --- contact and friction --------------------------------------------------------------------- */
 
 static const char *label_contact(const bd_plan *plan) {
@@ -88,27 +103,25 @@ static const char *label_contact(const bd_plan *plan) {
 static int pass_contact(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
+  const bd_belt_model *belt = plan->model->belt_model;
   double contact_loss = 0.0, friction_loss = 0.0;
-  for (int j = 0; j < lay->np; ++j) {
-    plan->contact_pulleys[j].omega = y[lay->rim[j]];
-  }
-  if (plan->model->along_links && !lay->string) {
-    bd_link_contact_rate(plan, y, dy);
-    return BD_OK;
+  if (belt->contact_begin) {
+    belt->contact_begin(plan, y);
   }
   for (int j = 0; j < lay->np; ++j) {
-    bd_sums sums;
-    plan->kernels->contact[plan->contact_pulleys[j].law][!plan->skip_power](
-        &plan->links, &plan->contact_pulleys[j], plan->search.n_runs[j],
-        plan->search.runs + j * plan->search.max_runs, y, dy, &sums);
-    plan->friction[j] = sums.torque;
     const int m = plan->model->mount_of ? plan->model->mount_of[j] : -1;
-    if (m >= 0) { /* of a string */
-      plan->hub[2 * m] = -sums.force[0];
-      plan->hub[2 * m + 1] = -sums.force[1];
+    bd_sums sums;
+    plan->contact_pulleys[j].omega = y[lay->rim[j]];
+    belt->contact(plan, j, y, dy, &sums);
+    plan->friction[j] = sums.torque;
+    for (int k = 0; m >= 0 && k < 2; ++k) {
+      plan->hub[2 * m + k] = -sums.force[k];
     }
     contact_loss += sums.contact_loss;
     friction_loss += sums.friction_loss;
+  }
+  if (belt->contact_end) {
+    belt->contact_end(plan, dy);
   }
   dy[lay->work + W_contact_loss] = contact_loss;
   dy[lay->work + W_friction_loss] = friction_loss;
@@ -119,8 +132,10 @@ static void carve_contact(bd_carver *carver, bd_plan *plan, const bd_model *mode
   const bd_layout *lay = &model->lay;
   BD_CARVE(carver, plan->best, lay->n);
   BD_CARVE(carver, plan->touched, lay->n);
-  if (model->along_links) {
-    bd_link_contact_carve(carver, plan, lay);
+  BD_CARVE(carver, plan->joints, lay->n);
+  BD_CARVE(carver, plan->touches, lay->n);
+  if (model->belt_model->carve) {
+    model->belt_model->carve(carver, plan, lay);
   }
   BD_CARVE(carver, plan->contact_pulleys, lay->np);
   BD_KEEP(carver, plan->owner, lay->n8 * lay->slots);
@@ -144,10 +159,61 @@ static void tangent_contact(const bd_plan *plan, const double *y, bd_derivatives
     out->contact_pulleys[j] = plan->contact_pulleys[j];
     out->contact_pulleys[j].omega = y[lay->rim[j]];
     out->n_runs[j] = plan->search.n_runs[j];
-    memcpy(out->runs + j * out->max_runs, plan->search.runs + j * plan->search.max_runs,
+    memcpy(out->runs + j * out->max_runs, bd_runs_of(plan, j),
            (size_t)out->n_runs[j] * sizeof *out->runs);
   }
 }
+
+static double torque_of_contact(const bd_plan *plan, const double *y, int j) {
+  return bd_runs_on_shaft(&plan->model->lay, j) ? bd_friction_torque(plan, y, j, NULL) : 0.0;
+}
+
+/* Of friction that settling leaves out. */
+static void rest_contact(const bd_plan *plan, double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int f = F_MU; !plan->friction_on && f < bd_f_slip(lay, lay->slots); ++f) {
+    memset(bd_field(lay, y, f), 0, (size_t)lay->n * sizeof *y);
+  }
+}
+
+static void stiffness_of_contact(bd_stiffening *at) {
+  const bd_model *model = at->model;
+  const bd_info *info = &model->info;
+  const double m = info->link_mass, r = model->radius[at->pulley];
+  const double rim =
+      bd_runs_on_shaft(&model->lay, at->pulley) ? at->inertia : model->rim_inertia[at->pulley];
+  /* of all links on the wrap together, on the pulley's inertia */
+  const double of_wrap = at->wrap * r * r * r / (info->link_length * rim);
+  const double contact =
+      bd_contact_stiffness(info->contact_quadratic, info->contact_linear, at->normal);
+  const bd_friction_stiffness friction = bd_friction_stiffness_of(model, at->pulley, at->normal);
+  bd_stiffen(at, BD_STIFF_PULLEY, "friction whose damper is very small", 0.0, 0.0, friction.adapts);
+  bd_stiffen(at, BD_STIFF_LINK, "the contact", contact / m,
+             bd_contact_damping(model, info->contact_damping, at->normal) / m, 0.0);
+  bd_stiffen(at, BD_STIFF_LINK, "friction", friction.stiffness / m, friction.damping / m, 0.0);
+  bd_stiffen(at, BD_STIFF_PULLEY, "a pulley with very small inertia", friction.stiffness * of_wrap,
+             friction.damping * of_wrap, 0.0);
+}
+
+const bd_effect bd_effect_contact = {
+    .name = "contact",
+    .asked_by = "contact friction",
+    .label = label_contact,
+    .enabled = always,
+    .rate = pass_contact,
+    .tangent = tangent_contact,
+    .carve = carve_contact,
+    .carve_tangent = carve_contact_tangent,
+    .after_step = bd_contact_after_step,
+    .stiffness = stiffness_of_contact,
+    .rest = rest_contact,
+    .on_shaft = torque_of_contact,
+    .outputs = bd_outputs_of_contact,
+    .energy = bd_energy_of_contact,
+    .n_works = 2,
+    .works = {BD_LOST_IN(contact_loss, "dampers of the contact have given", 1),
+              {.row = W_friction_loss}},
+};
 
 /* --- pulleys and set torques ------------------------------------------------------------------ */
 
@@ -175,6 +241,30 @@ static int pass_pulleys(bd_plan *plan, double t, double *y, double *dy, bd_error
   dy[lay->work + W_drive] = drive;
   return BD_OK;
 }
+
+static void stiffness_of_torques(bd_stiffening *at) {
+  double angular = 0.0, viscous = 0.0;
+  if (at->set) {
+    bd_torque_set_steepest(at->set, at->pulley, at->tension, &angular, &viscous);
+  }
+  bd_stiffen(at, BD_STIFF_PULLEY, "harmonics of very high order", angular / at->inertia, 0.0, 0.0);
+  bd_stiffen(at, BD_STIFF_PULLEY, "a load whose torque rises very steeply with its speed", 0.0,
+             viscous / at->inertia, 0.0);
+}
+
+/* The derivatives of set torques need checks that only a step can make (torque_functions.c). */
+const bd_effect bd_effect_pulleys = {
+    .name = "pulleys: set torques",
+    .asked_by = "torque",
+    .enabled = turns_pulleys,
+    .rate = pass_pulleys,
+    .calls = 1,
+    .tangent = bd_tangent_none,
+    .unseen = bd_resistance_unseen,
+    .stiffness = stiffness_of_torques,
+    .n_works = 1,
+    .works = {{.row = W_drive}},
+};
 
 /* --- prescribed motion ------------------------------------------------------------------------ */
 
@@ -212,251 +302,62 @@ static int pass_motion_torque(bd_plan *plan, double t, double *y, double *dy, bd
   return BD_OK;
 }
 
-/* --- mass-proportional damping (settling) ----------------------------------------------------- */
+/* A pulley whose motion is prescribed has no equation of its own to be derived (newton_system.c).
+ */
+const bd_effect bd_effect_motion = {
+    .name = "prescribed motion",
+    .asked_by = "motion",
+    .enabled = has_motion,
+    .rate = pass_motion,
+    .calls = 1,
+    .tangent = bd_tangent_none,
+    .after_step = motion_after_step,
+};
 
-static int has_mass_damping(const bd_model *model, const bd_plan_options *options) {
-  (void)model;
-  return options->mass_damping > 0.0;
-}
-
-/* Speed of circulation: of the belt along itself and of the pulleys that friction
- * turns with it; from the velocities in y, or from the accelerations if y is a rate. */
-double bd_plan_circulation(const bd_plan *plan, const double *y) {
-  const bd_layout *lay = &plan->model->lay;
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *co = plan->links.cos, *si = plan->links.sin;
-  double sum = 0.0, mass = lay->n;
-  for (int i = 0; i < lay->n; ++i) {
-    sum += vx[i] * co[i] + vy[i] * si[i];
-  }
-  for (int j = 0; plan->friction_on && !plan->pulleys_locked && j < lay->np; ++j) {
-    double r = plan->model->radius[j];
-    double rim = plan->model->rim_inertia[j] / (r * r * plan->model->info.link_mass);
-    sum += rim * y[lay->rim[j]] * r * plan->model->wraps[j].sense;
-    mass += rim;
-  }
-  return sum / mass;
-}
-
-/* Dynamic relaxation: mass-proportional damping of every motion but circulation, in
- * which all links run along the belt at one speed v and turn at kappa v; circulation has a damping
- * and an inertia of its own. */
-static int pass_mass_damping(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
-  (void)t, (void)err;
-  const bd_layout *lay = &plan->model->lay;
-  const int n = lay->n;
-  const double *vx = bd_field(lay, y, F_VX), *vy = bd_field(lay, y, F_VY);
-  const double *co = plan->links.cos, *si = plan->links.sin, wind = plan->links.wind;
-  double *ax = bd_field(lay, dy, F_VX), *ay = bd_field(lay, dy, F_VY);
-  const double mass_damping = plan->mass_damping, pitch = 4.0 * plan->links.half;
-  const double circulation_correction =
-      (mass_damping - plan->circulation_damping) * bd_plan_circulation(plan, y) +
-      (plan->circulation_inertia_scale - 1.0) * bd_plan_circulation(plan, dy);
-  for (int i = 0; i < n; ++i) {
-    ax[i] -= mass_damping * vx[i] - circulation_correction * co[i];
-    ay[i] -= mass_damping * vy[i] - circulation_correction * si[i];
-  }
-  if (!lay->string) {
-    const double *phi = bd_field(lay, y, F_PHI), *vphi = bd_field(lay, y, F_VPHI);
-    double *aphi = bd_field(lay, dy, F_VPHI);
-    for (int i = 0; i < n; ++i) {
-      double turn = phi[i + 1 < n ? i + 1 : 0] - phi[i > 0 ? i - 1 : n - 1] +
-                    (i == 0 || i + 1 == n ? wind : 0.0);
-      aphi[i] -= mass_damping * vphi[i] - circulation_correction * turn / pitch;
-    }
-  }
-  for (int m = 0; m < lay->nm; ++m) {
-    dy[lay->travel_speed + m] -= mass_damping * y[lay->travel_speed + m];
-  }
-  for (int j = 0; !plan->pulleys_locked && j < lay->np; ++j) {
-    double round = plan->friction_on ? plan->model->wraps[j].sense / plan->model->radius[j] : 0.0;
-    dy[lay->rim[j]] -= mass_damping * y[lay->rim[j]] - circulation_correction * round;
-  }
-  for (int c = 0; !plan->pulleys_locked && c < lay->nc; ++c) {
-    const int free =
-        bd_runs_on_shaft(lay, lay->coupled[c]) ? lay->rim_speed + c : lay->omega + lay->coupled[c];
-    dy[free] -= mass_damping * y[free];
-  }
-  return BD_OK;
-}
-
-/* Of the damping alone: circulation, which it exempts, ties every link to every other. */
-static void tangent_mass_damping(const bd_plan *plan, const double *y, bd_derivatives *out) {
-  (void)y;
-  out->mass_damping = plan->mass_damping;
-}
+const bd_effect bd_effect_motion_torques = {
+    .name = "torques of prescribed motion",
+    .asked_by = "motion",
+    .enabled = has_motion,
+    .rate = pass_motion_torque,
+    .calls = 1,
+    .tangent = bd_tangent_none,
+    .outputs = bd_outputs_of_motion,
+};
 
 /* --- the table -------------------------------------------------------------------------------- */
 
-/* In the order of their passes: joints set the links' rates, and the pulleys' pass those of the
- * pulleys, others add to them; mass-proportional damping sees the accelerations of all. The
- * derivatives of set torques need checks that only a step can make (torque_functions.c). A pulley
- * whose motion is prescribed has no equation of its own to be derived (newton_system.c). */
-static const bd_effect table[] = {
-    {
-        .name = "moving centres",
-        .enabled = moves_centres,
-        .rate = pass_place,
-        .tangent = tangent_none,
-    },
-    {
-        .name = "joints",
-        .asked_by = "belt",
-        .label = label_joints,
-        .enabled = always,
-        .rate = pass_joints,
-        .tangent = tangent_joints,
-        .carve_tangent = carve_joints_tangent,
-        .outputs = bd_outputs_of_joints,
-        .energy = bd_energy_of_joints,
-        .n_works = 1,
-        .works = {W_joint_loss},
-    },
-    {
-        .name = "gravity",
-        .asked_by = "gravity",
-        .enabled = has_gravity,
-        .rate = pass_gravity,
-        .tangent = tangent_none,
-        .energy = bd_energy_of_gravity,
-    },
-    {
-        .name = "centrifugal force",
-        .enabled = bd_centrifugal_enabled,
-        .rate = bd_centrifugal_rate,
-        .tangent = tangent_none, /* weaker than the tension, which is stiff enough for settling */
-    },
-    {
-        .name = "prescribed motion",
-        .asked_by = "motion",
-        .enabled = has_motion,
-        .rate = pass_motion,
-        .calls = 1,
-        .tangent = tangent_none,
-        .after_step = motion_after_step,
-    },
-    {
-        .name = "axes on mounts",
-        .asked_by = "arm slider path",
-        .enabled = bd_axes_enabled,
-        .rate = bd_axes_rate,
-        .tangent = bd_axes_tangent,
-        .carve = bd_axes_carve,
-        .carve_tangent = bd_axes_carve_tangent,
-        .after_step = bd_axes_after_step,
-        .outputs = bd_axes_outputs,
-    },
-    {
-        .name = "contact",
-        .asked_by = "contact friction",
-        .label = label_contact,
-        .enabled = always,
-        .rate = pass_contact,
-        .tangent = tangent_contact,
-        .carve = carve_contact,
-        .carve_tangent = carve_contact_tangent,
-        .after_step = bd_contact_after_step,
-        .outputs = bd_outputs_of_contact,
-        .energy = bd_energy_of_contact,
-        .n_works = 2,
-        .works = {W_contact_loss, W_friction_loss},
-    },
-    {
-        .name = "pulleys: set torques",
-        .asked_by = "torque",
-        .enabled = turns_pulleys,
-        .rate = pass_pulleys,
-        .calls = 1,
-        .tangent = tangent_none,
-        .n_works = 1,
-        .works = {W_drive},
-    },
-    {
-        .name = "couplings of shafts and rims",
-        .asked_by = "isolator clutch damper",
-        .label = bd_couplings_label,
-        .enabled = bd_couplings_enabled,
-        .rate = bd_couplings_rate,
-        .tangent = bd_couplings_tangent,
-        .carve_tangent = bd_couplings_carve_tangent,
-        .after_step = bd_couplings_after_step,
-        .outputs = bd_couplings_outputs,
-        .energy = bd_couplings_energy,
-        .n_works = 1,
-        .works = {W_coupling_loss},
-        .store = BD_ENERGY_coupling,
-    },
-    {
-        .name = "bearing drag",
-        .asked_by = "drag",
-        .enabled = bd_drag_enabled,
-        .rate = bd_drag_rate,
-        .tangent = bd_drag_tangent,
-        .carve_tangent = bd_drag_carve_tangent,
-        .n_works = 1,
-        .works = {W_drag_loss},
-    },
-    {
-        .name = "mounts",
-        .asked_by = "arm slider",
-        .label = bd_mounts_label,
-        .enabled = bd_mounts_enabled,
-        .rate = bd_mounts_rate,
-        .tangent = bd_mounts_tangent,
-        .energy = bd_mounts_energy,
-        .n_works = 1,
-        .works = {W_mount_loss},
-        .store = BD_ENERGY_mount,
-    },
-    {
-        .name = "prescribed paths",
-        .asked_by = "path",
-        .enabled = bd_paths_enabled,
-        .rate = bd_paths_rate,
-        .tangent = tangent_none,
-        .n_works = 1,
-        .works = {W_path_work},
-    },
-    {
-        .name = "torques of prescribed motion",
-        .asked_by = "motion",
-        .enabled = has_motion,
-        .rate = pass_motion_torque,
-        .calls = 1,
-        .tangent = tangent_none,
-        .outputs = bd_outputs_of_motion,
-    },
-    {
-        .name = "mass-proportional damping",
-        .enabled = has_mass_damping,
-        .rate = pass_mass_damping,
-        .tangent = tangent_mass_damping,
-    },
+static const bd_effect *const table[] = {
+#define X(name) &bd_effect_##name,
+    BD_EFFECTS(X)
+#undef X
 };
-enum { N_EFFECTS = sizeof table / sizeof table[0] };
-_Static_assert((int)N_EFFECTS <= (int)BD_MAX_EFFECTS, "a plan must have room for every effect");
+enum { N_EFFECTS = BD_MAX_EFFECTS };
 
 int bd_effects_of(const bd_model *model, const bd_plan_options *options,
                   const bd_effect *effects[BD_MAX_EFFECTS]) {
   int n = 0;
   for (int k = 0; k < N_EFFECTS; ++k) {
-    if (table[k].enabled(model, options)) {
-      effects[n++] = &table[k];
+    if (table[k]->enabled(model, options)) {
+      effects[n++] = table[k];
     }
   }
   return n;
 }
 
 int bd_effect_row(const bd_effect *effect) {
-  return (int)(effect - table);
+  int row = 0;
+  while (table[row] != effect) {
+    ++row;
+  }
+  return row;
 }
 
 const char *bd_effect_name(int row) {
-  return row >= 0 && row < N_EFFECTS ? table[row].name : NULL;
+  return row >= 0 && row < N_EFFECTS ? table[row]->name : NULL;
 }
 
 const char *bd_effect_asked_by(int row) {
-  return row >= 0 && row < N_EFFECTS && table[row].asked_by ? table[row].asked_by : "";
+  return row >= 0 && row < N_EFFECTS && table[row]->asked_by ? table[row]->asked_by : "";
 }
 
 /* All that a plan of this model may be made with. */
@@ -484,6 +385,16 @@ void bd_effects_carve_tangents(bd_carver *carver, bd_derivatives *out, const bd_
   for (int k = 0; k < n; ++k) {
     if (effects[k]->carve_tangent) {
       effects[k]->carve_tangent(carver, out, model);
+    }
+  }
+}
+
+void bd_effects_rest(const bd_plan *plan, double *y) {
+  const bd_effect *effects[BD_MAX_EFFECTS];
+  const int n = all_effects_of(plan->model, effects);
+  for (int k = 0; k < n; ++k) {
+    if (effects[k]->rest) {
+      effects[k]->rest(plan, y);
     }
   }
 }

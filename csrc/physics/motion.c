@@ -311,9 +311,10 @@ void bd_outputs_of_motion(bd_plan *plan, const double *y, const bd_output *out, 
   const bd_motion_set *set = &plan->torques.motion;
   for (size_t m = 0; out->torque && m < set->n; ++m) {
     const int j = set->motions[m].pulley;
-    out->torque[k * (size_t)model->lay.np + (size_t)j] =
-        model->inertia[j] * set->alpha[m] -
-        (bd_runs_on_shaft(&model->lay, j) ? bd_friction_torque(plan, y, j, NULL) : 0.0) -
-        bd_coupling_torque(model, y, j) + (model->drag ? bd_drag_torque_in(model, y, j) : 0.0);
+    double torque = model->inertia[j] * set->alpha[m];
+    for (int e = 0; e < plan->n_effects; ++e) {
+      torque -= plan->effects[e]->on_shaft ? plan->effects[e]->on_shaft(plan, y, j) : 0.0;
+    }
+    out->torque[k * (size_t)model->lay.np + (size_t)j] = torque;
   }
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT
  *
- * Mounts (MODEL section 5), three rows of the table in effects.c: the axes are where the travels
- * have them, before contact; arms and sliders move by what acts on them, after it; and the travel
- * of paths is the time.
+ * Mounts (MODEL section 5), three effects: the axes are where the travels have them,
+ * before contact; those that move do so by what acts on them, after it; and the travel of those
+ * that are prescribed is the time.
  */
 #include <math.h>
 #include <stdio.h>
@@ -10,50 +10,32 @@
 
 #include "physics/physics.h"
 
-static int is_path(const bd_mounted *mount) {
-  return mount->kind == BD_MOUNT_PATH;
-}
-
-int bd_axes_enabled(const bd_model *model, const bd_plan_options *options) {
+static int axes_enabled(const bd_model *model, const bd_plan_options *options) {
   (void)options;
   return model->lay.nm > 0;
 }
 
-static int count_paths(const bd_model *model) {
-  int n = 0;
-  for (int m = 0; m < model->lay.nm; ++m) {
-    n += is_path(&model->mounts[m]);
-  }
-  return n;
-}
-
-int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options) {
+static int mounts_enabled(const bd_model *model, const bd_plan_options *options) {
   (void)options;
-  return model->lay.nm > count_paths(model);
+  return model->n_moving > 0;
 }
 
-int bd_paths_enabled(const bd_model *model, const bd_plan_options *options) {
+static int paths_enabled(const bd_model *model, const bd_plan_options *options) {
   (void)options;
-  return count_paths(model) > 0;
+  return model->lay.nm > model->n_moving;
 }
 
-void bd_axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
+static void axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   BD_KEEP(carver, plan->hub, 2 * model->lay.nm);
   BD_CARVE(carver, plan->mount_inertia, model->lay.nm);
 }
 
-void bd_axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
+static void axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model) {
   BD_CARVE(carver, out->mounts, model->lay.nm);
 }
 
-const char *bd_mounts_label(const bd_plan *plan) {
-  int has[3] = {0};
-  for (int m = 0; m < plan->model->lay.nm; ++m) {
-    has[plan->model->mounts[m].kind] = 1;
-  }
-  return !has[BD_MOUNT_SLIDER] ? "mounts: arms"
-         : !has[BD_MOUNT_ARM]  ? "mounts: sliders"
-                               : "mounts: arms and sliders";
+static const char *mounts_label(const bd_plan *plan) {
+  return plan->model->moving;
 }
 
 /* --- where the axes are ----------------------------------------------------------------------- */
@@ -71,7 +53,7 @@ void bd_mounts_put(const bd_plan *plan, const double *y) {
   }
 }
 
-int bd_axes_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+static int axes_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_layout *lay = &plan->model->lay;
   bd_mounts_put(plan, y);
@@ -87,7 +69,7 @@ int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err) {
   const bd_layout *lay = &model->lay;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
-    if (!is_path(mount)) {
+    if (mount->row->moves) {
       continue;
     }
     const bd_place is = bd_mount_place(mount, y[lay->travel + m]), due = bd_mount_place(mount, t);
@@ -110,14 +92,14 @@ static double sliding(const bd_mounted *mount, double v, double share) {
   return mount->adapts * (v - fabs(v) * share);
 }
 
-int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+static int mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   double lost = 0.0;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
-    if (is_path(mount)) {
+    if (!mount->row->moves) {
       continue;
     }
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
@@ -139,13 +121,13 @@ int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err
   return BD_OK;
 }
 
-int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
+static int paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   (void)t, (void)err;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   double given = 0.0;
   for (int m = 0; m < lay->nm; ++m) {
-    if (!is_path(&model->mounts[m])) {
+    if (model->mounts[m].row->moves) {
       continue;
     }
     const bd_place at = bd_mount_place(&model->mounts[m], y[lay->travel + m]);
@@ -161,7 +143,7 @@ int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err)
 /* --- derivatives ------------------------------------------------------------------------------ */
 
 /* Samples may have been looked at since the last rate. */
-void bd_axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+static void axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_layout *lay = &plan->model->lay;
   bd_mounts_put(plan, y);
   for (int m = 0; m < lay->nm; ++m) {
@@ -172,14 +154,14 @@ void bd_axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) 
   }
 }
 
-void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
+static void mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
     bd_mount_tangent *to = &out->mounts[m];
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
-    if (is_path(mount)) {
+    if (!mount->row->moves) {
       continue;
     }
     const double fx = plan->hub[2 * m] + mount->mass * model->gravity[0];
@@ -200,8 +182,10 @@ void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out
   }
 }
 
-double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_new, int m,
-                        double g) {
+/* What a linear system with g leaves out of the speed of mount m [rad/s or m/s], whose stop at
+ * y_new is off the line from y: where it has come to the stop, or away. */
+static double stop_off_line(const bd_plan *plan, const double *y, const double *y_new, int m,
+                            double g) {
   const bd_mounted *mount = &plan->model->mounts[m];
   const int travel = plan->model->lay.travel + m, speed = plan->model->lay.travel_speed + m;
   double lost = 0.0;
@@ -215,6 +199,39 @@ double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_ne
   const double off = after - before + (before != 0.0 ? line : 0.0);
   const double stiff = g * (g * mount->stop_stiffness + mount->stop_damping);
   return g * off / (plan->mount_inertia[m] + (after != 0.0 ? stiff : 0.0));
+}
+
+/* A mount that meets a stop, or leaves it, goes on as if it had not. */
+static double stops_unseen(const bd_plan *plan, const bd_step *step) {
+  double most = 0.0;
+  for (int m = 0; m < plan->model->lay.nm; ++m) {
+    const double faster = stop_off_line(plan, step->y, step->y_new, m, step->g);
+    most = fmax(most, step->weights[plan->model->lay.travel_speed + m] * fabs(faster));
+  }
+  return most;
+}
+
+static void mounts_stiffness(bd_stiffening *at) {
+  const bd_model *model = at->model;
+  const bd_info *info = &model->info;
+  const int j = at->pulley, m = model->mount_of[j];
+  if (m < 0 || !model->mounts[m].row->moves) {
+    return;
+  }
+  const bd_mounted *mount = &model->mounts[m];
+  const double square = mount->lever * mount->lever;
+  const double links = model->geometry.code == BD_OK
+                           ? model->wraps[j].wrap * model->radius[j] / info->link_length
+                           : 0.0;
+  const double contact =
+      bd_contact_stiffness(info->contact_quadratic, info->contact_linear, at->normal);
+  const double stiffness = mount->stiffness + mount->stop_stiffness * mount->has_stops +
+                           mount->friction * mount->adapts + links * contact * square;
+  const double damping =
+      mount->damping + mount->stop_damping * mount->has_stops +
+      links * square * bd_contact_damping(model, info->contact_damping, at->normal);
+  bd_stiffen(at, BD_STIFF_OWN, "a mount of very small inertia", stiffness / mount->inertia,
+             damping / mount->inertia, 0.0);
 }
 
 long bd_bounces(const bd_plan *plan, const double *y, const double *y_new) {
@@ -260,13 +277,13 @@ static int check_room(const bd_plan *plan, double t, int m, bd_error *err) {
   return BD_OK;
 }
 
-int bd_axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                       bd_error *err) {
+static int axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                           bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
   int code = BD_OK;
   for (int m = 0; m < lay->nm; ++m) {
     double *share = &y[lay->mount_friction + m];
-    if (is_path(&plan->model->mounts[m])) { /* as exact as the time */
+    if (!plan->model->mounts[m].row->moves) { /* as exact as the time */
       y[lay->travel + m] = y[lay->travel_speed + m] != 0.0 ? t : y[lay->travel + m];
     } else if (fabs(*share) > 1.0) {
       *changed |= fabs(*share) > 1.0 + tolerance;
@@ -282,15 +299,12 @@ int bd_axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int
 
 /* --- energy and outputs ----------------------------------------------------------------------- */
 
-void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+static void mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &model->mounts[m];
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
-    if (is_path(mount)) {
-      continue;
-    }
     const bd_place at = bd_mount_place(mount, q);
     terms[BD_ENERGY_kinetic] += 0.5 * mount->inertia * v * v;
     terms[BD_ENERGY_mount] += bd_mount_stored(mount, q);
@@ -307,28 +321,71 @@ double bd_mount_belt_force(const bd_plan *plan, const double *y, int m) {
   return -(force[0] * at.a[0] + force[1] * at.a[1]);
 }
 
-void bd_axes_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+static void axes_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
   const bd_layout *lay = &plan->model->lay;
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &plan->model->mounts[m];
     const size_t at = k * (size_t)lay->nm + (size_t)m;
     const double q = y[lay->travel + m], v = y[lay->travel_speed + m];
     double lost = 0.0;
-    const struct {
-      double *to, value;
-    } columns[] = {
-        {out->travel, q},
-        {out->travel_speed, v},
-        {out->spring_force, is_path(mount) ? 0.0 : bd_mount_spring(mount, q)},
-        {out->damper_force, is_path(mount) ? 0.0 : -mount->damping * v},
-        {out->friction_force, is_path(mount) ? 0.0 : -mount->friction * y[lay->mount_friction + m]},
-        {out->stop_force, is_path(mount) ? 0.0 : bd_mount_stop(mount, q, v, &lost)},
-        {out->belt_force, out->belt_force ? bd_mount_belt_force(plan, y, m) : 0.0},
-    };
-    for (size_t c = 0; c < sizeof columns / sizeof columns[0]; ++c) {
-      if (columns[c].to) {
-        columns[c].to[at] = columns[c].value;
-      }
-    }
+    bd_put(out->travel, at, q);
+    bd_put(out->travel_speed, at, v);
+    bd_put(out->spring_force, at, bd_mount_spring(mount, q));
+    bd_put(out->damper_force, at, mount->row->moves ? -mount->damping * v : 0.0);
+    bd_put(out->friction_force, at,
+           mount->row->moves ? -mount->friction * y[lay->mount_friction + m] : 0.0);
+    bd_put(out->stop_force, at, bd_mount_stop(mount, q, v, &lost));
+    bd_put(out->belt_force, at, out->belt_force ? bd_mount_belt_force(plan, y, m) : 0.0);
   }
 }
+
+static void axes_states(const bd_derivatives *at, const bd_layout *lay,
+                        const bd_state_entries *to) {
+  for (int m = 0; m < lay->nm; ++m) {
+    const int travel = lay->travel + m, share = lay->mount_friction + m;
+    const int speed = lay->travel_speed + m;
+    to->column(to->reading, travel);
+    to->column(to->reading, share);
+    to->put(to->reading, travel, speed, 1.0);
+    to->put(to->reading, share, speed, at->mounts[m].gain);
+    to->put(to->reading, share, share, -at->mounts[m].decay);
+  }
+}
+
+const bd_effect bd_effect_axes = {
+    .name = "axes on mounts",
+    .asked_by = "arm slider path",
+    .enabled = axes_enabled,
+    .rate = axes_rate,
+    .tangent = axes_tangent,
+    .carve = axes_carve,
+    .carve_tangent = axes_carve_tangent,
+    .states = axes_states,
+    .after_step = axes_after_step,
+    .unseen = stops_unseen,
+    .outputs = axes_outputs,
+};
+
+const bd_effect bd_effect_mounts = {
+    .name = "mounts",
+    .asked_by = "arm slider",
+    .label = mounts_label,
+    .enabled = mounts_enabled,
+    .rate = mounts_rate,
+    .tangent = mounts_tangent,
+    .stiffness = mounts_stiffness,
+    .energy = mounts_energy,
+    .n_works = 1,
+    .works = {BD_LOST_IN(mount_loss, "dampers of mounts have given", 0)},
+    .store = BD_ENERGY_mount,
+};
+
+const bd_effect bd_effect_paths = {
+    .name = "prescribed paths",
+    .asked_by = "path",
+    .enabled = paths_enabled,
+    .rate = paths_rate,
+    .tangent = bd_tangent_none,
+    .n_works = 1,
+    .works = {{.row = W_path_work}},
+};

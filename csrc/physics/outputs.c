@@ -12,166 +12,68 @@
 /* Of a quantity, over its size, by the operations that lead to it: some 60 of half a unit. */
 #define ROUNDING (32.0 * DBL_EPSILON)
 
-/* Where a link's contact acts: its centre; or the joint on its left, where friction acts, of a
- * string the mass itself. */
-typedef struct contact_point {
-  double x, y, vx, vy;
-} contact_point;
+/* Friction where a touch is, of which there is a share. */
+typedef struct rubbing {
+  double nx, ny, rho, mu, friction, slip, velocity;
+} rubbing;
 
-typedef struct touch {
-  contact_point at;
-  double share, rho, normal, mu, friction, slip, velocity;
-} touch;
-
-static contact_point point_of(const bd_plan *plan, const double *y, int i) {
-  const bd_layout *lay = &plan->model->lay;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  if (!plan->model->along_links || lay->string) {
-    return (contact_point){x[i], yy[i], vx[i], vy[i]};
-  }
-  const double *w = bd_cfield(lay, y, F_VPHI);
-  const int l = i > 0 ? i - 1 : lay->n - 1;
-  const double q = 0.5 * plan->links.half;
-  const double c = plan->seen.cos[i], s = plan->seen.sin[i];
-  const double cl = plan->seen.cos[l], sl = plan->seen.sin[l];
-  return (contact_point){0.5 * (x[l] + x[i]) + q * (cl - c), 0.5 * (yy[l] + yy[i]) + q * (sl - s),
-                         0.5 * (vx[l] + vx[i]) + q * (w[i] * s - w[l] * sl),
-                         0.5 * (vy[l] + vy[i]) + q * (w[l] * cl - w[i] * c)};
-}
-
-/* Goes through the links listed near pulley j: the first one after i, -1 past the last; *run is 0
- * and i -1 at the beginning. */
-static int next_near(const bd_plan *plan, int j, int *run, int i) {
-  const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
-  for (++i; *run < plan->search.n_runs[j]; ++*run) {
-    i = i > runs[*run].begin ? i : runs[*run].begin;
-    if (i < runs[*run].end && i < plan->model->lay.n) {
-      return i;
-    }
-  }
-  return -1;
-}
-
-/* Before `touching`, for all links of a pulley; returns the energy stored along links. */
-static double look_at(const bd_plan *plan, const double *y, int j) {
-  if (!plan->model->along_links) {
-    return 0.0;
-  }
-  if (j == 0) {
-    bd_link_contact_see(plan, y);
-  }
-  return bd_link_contact_press(plan, y, j);
-}
-
-/* Whether link i, or its joint, is in contact with pulley j, and the share of it that is; of it the
- * normal force alone, */
-static int pressing(const bd_plan *plan, const double *y, int i, int j, touch *out) {
-  const bd_contact_pulley *d = &plan->contact_pulleys[j];
-  const contact_point at = out->at = point_of(plan, y, i);
-  if (plan->model->along_links) {
-    const bd_pressure *p = &plan->pressure;
-    out->share = p->share_left[i] + p->share_right[i - 1];
-    out->normal = p->left[i] + p->right[i - 1];
-    return out->share > 0.0;
-  }
-  const double dx = at.x - d->x, dy = at.y - d->y;
-  const double rho = hypot(dx, dy), p = d->radius - rho;
-  const double apart = (at.vx - d->vx) * (dx / rho) + (at.vy - d->vy) * (dy / rho);
-  const double elastic = (d->quadratic * p + d->linear) * p;
-  const double raw = elastic - (d->damping + d->hunt_crossley * elastic) * apart;
-  out->share = p > 0.0 ? 1.0 : 0.0;
-  out->normal = raw > 0.0 && p > 0.0 ? raw : 0.0;
-  return p > 0.0;
-}
-
-/* or all of it. */
-static int touching(const bd_plan *plan, const double *y, int i, int j, touch *out) {
+static rubbing rub(const bd_plan *plan, const double *y, int i, int j, const bd_touch *touch) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
-  if (!pressing(plan, y, i, j, out)) {
-    return 0;
-  }
-  const contact_point at = out->at;
-  double dx = at.x - d->x, dy = at.y - d->y;
-  out->rho = hypot(dx, dy);
-  double nx = dx / out->rho, ny = dy / out->rho;
-  double ux = at.vx - d->vx, uy = at.vy - d->vy;
-  out->velocity = uy * nx - ux * ny - y[lay->rim[j]] * out->rho;
+  double dx = touch->x - d->x, dy = touch->y - d->y;
+  rubbing out = {.rho = hypot(dx, dy)};
+  double nx = out.nx = dx / out.rho, ny = out.ny = dy / out.rho;
+  double ux = touch->vx - d->vx, uy = touch->vy - d->vy;
+  out.velocity = uy * nx - ux * ny - y[lay->rim[j]] * out.rho;
   const int friction = d->law != BD_LAW_NONE;
   const double *states = bd_cfield(lay, y, bd_f_state(lay, d->slot)) + i;
   double z = d->states > 0 ? states[0] : 0.0;
   z = z > d->bound ? d->bound : z < -d->bound ? -d->bound : z;
-  out->mu = z;
-  out->friction = z * out->normal;
+  out.mu = z;
+  out.friction = z * touch->normal;
   if (bd_law_is_general(d->law)) {
     bd_law_point point;
     double force = 0.0;
     for (int e = 0; e < (d->states > 0 ? d->states : 1); ++e) {
-      bd_friction_at(plan->model, j, e, e == 0 ? z : states[e * lay->stride], out->velocity,
-                     out->normal / out->share, &point);
+      bd_friction_at(plan->model, j, e, e == 0 ? z : states[e * lay->stride], out.velocity,
+                     touch->normal / touch->share, &point);
       force = e == 0 ? point.force : force + point.force;
     }
-    out->friction = out->share * force;
-    out->mu = out->normal > 0.0 ? out->friction / out->normal : 0.0;
+    out.friction = touch->share * force;
+    out.mu = touch->normal > 0.0 ? out.friction / touch->normal : 0.0;
   }
-  out->slip = friction ? bd_cfield(lay, y, bd_f_slip(lay, d->slot))[i] : 0.0;
-  return 1;
+  out.slip = friction ? bd_cfield(lay, y, bd_f_slip(lay, d->slot))[i] : 0.0;
+  return out;
 }
 
-/* Stretch of a joint, the rate of that, its square with what is across, and the angle. */
-typedef struct joint {
-  double along, rate, squared, turn;
-} joint;
-
-/* Of the joint on the left of link i, along the mean direction of its links; of a string of the bar
- * between mass i - 1 and mass i, along its chord. */
-static joint joint_state(const bd_plan *plan, const double *y, int i) {
-  const bd_layout *lay = &plan->model->lay;
-  const double half = plan->links.half;
-  const int l = i > 0 ? i - 1 : lay->n - 1;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  if (lay->string) {
-    const double bx = x[i] - x[l], by = yy[i] - yy[l], length = hypot(bx, by);
-    const double along = length - 2.0 * half;
-    const double rate = ((vx[i] - vx[l]) * bx + (vy[i] - vy[l]) * by) / length;
-    return (joint){along, rate, along * along, 0.0};
-  }
-  const double *phi = bd_cfield(lay, y, F_PHI), *w = bd_cfield(lay, y, F_VPHI);
-  double ci = cos(phi[i]), si = sin(phi[i]), cl = cos(phi[l]), sl = sin(phi[l]);
-  double dx = x[i] - x[l] - half * (ci + cl), dy = yy[i] - yy[l] - half * (si + sl);
-  double du = vx[i] - vx[l] + half * (si * w[i] + sl * w[l]);
-  double dv = vy[i] - vy[l] - half * (ci * w[i] + cl * w[l]);
-  double ex = ci + cl, ey = si + sl, norm = hypot(ex, ey);
-  /* two links folded back on each other have no mean direction; take the right one's */
-  ex = norm > 1e-12 ? ex / norm : ci;
-  ey = norm > 1e-12 ? ey / norm : si;
-  return (joint){.along = dx * ex + dy * ey,
-                 .rate = du * ex + dv * ey,
-                 .squared = dx * dx + dy * dy,
-                 .turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind)};
+/* All contact of pulley j, after bd_plan_see. Scratch. */
+static const bd_touch *touches_of(const bd_plan *plan, const double *y, int j) {
+  double force[2], energy = 0.0;
+  plan->model->belt_model->contact_at(plan, y, j, plan->touches, force, &energy);
+  return plan->touches;
 }
 
-double bd_joint_force(const bd_plan *plan, const double *y, int i) {
-  const joint at = joint_state(plan, y, i);
-  return plan->links.stiffness * at.along + plan->links.damping * at.rate;
+const bd_joint *bd_joints(const bd_plan *plan, const double *y, int with_rate) {
+  const double *co = with_rate ? plan->links.cos : NULL, *si = with_rate ? plan->links.sin : NULL;
+  plan->model->belt_model->joints_at(plan, y, co, si, plan->joints);
+  return plan->joints;
 }
 
 double bd_mean_force(const bd_plan *plan, const double *y) {
   const int n = plan->model->lay.n;
+  const bd_joint *joints = bd_joints(plan, y, 0);
   double total = 0.0;
   for (int i = 0; i < n; ++i) {
-    total += bd_joint_force(plan, y, i);
+    total += bd_joint_force(plan, &joints[i]);
   }
   return total / n;
 }
 
 void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  const bd_joint *at = bd_joints(plan, y, 0);
   for (int i = 0; i < plan->model->lay.n; ++i) {
-    const joint at = joint_state(plan, y, i);
-    terms[BD_ENERGY_axial] += 0.5 * plan->links.stiffness * at.squared;
-    terms[BD_ENERGY_bending] += 0.5 * plan->links.bending * at.turn * at.turn;
+    terms[BD_ENERGY_axial] += 0.5 * plan->links.stiffness * at[i].squared;
+    terms[BD_ENERGY_bending] += 0.5 * plan->links.bending * at[i].turn * at[i].turn;
   }
 }
 
@@ -186,69 +88,27 @@ void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_
   }
 }
 
-static double stored_by(const bd_contact_pulley *d, double p) {
-  return p * p * (d->quadratic * p / 3.0 + d->linear / 2.0);
-}
-
-int bd_add_contact_energy(const bd_plan *plan, const double *y, int j, double *energy) {
-  const bd_layout *lay = &plan->model->lay;
-  const bd_contact_pulley *d = &plan->contact_pulleys[j];
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  if (plan->model->along_links) {
-    const double stored = look_at(plan, y, j);
-    *energy += stored;
-    return stored > 0.0;
-  }
-  int touched = 0;
-  for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
-    const double dx = x[i] - d->x, dy = yy[i] - d->y, rho2 = dx * dx + dy * dy;
-    if (rho2 < d->radius * d->radius) {
-      *energy += stored_by(d, d->radius - sqrt(rho2));
-      touched = 1;
-    }
-  }
-  return touched;
-}
-
 void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]) {
+  double force[2];
+  bd_plan_see(plan, y);
   for (int j = 0; j < plan->model->lay.np; ++j) {
-    if (plan->model->along_links) {
-      bd_add_contact_energy(plan, y, j, &terms[BD_ENERGY_contact]);
-      continue;
-    }
-    for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
-      const bd_contact_pulley *d = &plan->contact_pulleys[j];
-      touch c;
-      if (touching(plan, y, i, j, &c)) {
-        terms[BD_ENERGY_contact] += stored_by(d, d->radius - c.rho);
-      }
-    }
+    plan->model->belt_model->contact_at(plan, y, j, plan->touches, force,
+                                        &terms[BD_ENERGY_contact]);
   }
 }
 
 double bd_friction_torque(const bd_plan *plan, const double *y, int j, double force[2]) {
-  const bd_contact_pulley *d = &plan->contact_pulleys[j];
-  const int along = plan->model->along_links;
-  double unused[2], sum = 0.0;
+  double unused[2], stored = 0.0, sum = 0.0;
   force = force ? force : unused;
-  if (along) {
-    bd_link_contact_see(plan, y);
-    bd_clear_end_forces(&plan->model->lay, &plan->forces);
-    bd_link_contact_press(plan, y, j);
-  }
-  force[0] = force[1] = 0.0;
-  for (int r = 0, i = -1; along && (i = next_near(plan, j, &r, i)) >= 0;) {
-    force[0] += plan->forces.left_x[i] + plan->forces.right_x[i];
-    force[1] += plan->forces.left_y[i] + plan->forces.right_y[i];
-  }
-  for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
-    touch c;
-    if (touching(plan, y, i, j, &c)) {
-      const double nx = (c.at.x - d->x) / c.rho, ny = (c.at.y - d->y) / c.rho;
-      const double normal = along ? 0.0 : c.normal; /* along links at their ends, as above */
+  bd_plan_see(plan, y);
+  plan->model->belt_model->contact_at(plan, y, j, plan->touches, force, &stored);
+  for (int r = 0, i = -1; (i = bd_next_near(plan, j, &r, i)) >= 0;) {
+    const bd_touch *touch = &plan->touches[i];
+    if (touch->share > 0.0) {
+      const rubbing c = rub(plan, y, i, j, touch);
       sum += c.friction * c.rho;
-      force[0] += normal * nx + c.friction * ny;
-      force[1] += normal * ny - c.friction * nx;
+      force[0] += touch->acts * c.nx + c.friction * c.ny;
+      force[1] += touch->acts * c.ny - c.friction * c.nx;
     }
   }
   return sum;
@@ -256,8 +116,8 @@ double bd_friction_torque(const bd_plan *plan, const double *y, int j, double fo
 
 /* What the friction of link i changes by where its slip velocity and its normal force, over its
  * share in contact, are off by so much. */
-static double friction_shift(const bd_plan *plan, const double *y, int i, int j, const touch *c,
-                             double dv, double dn) {
+static double friction_shift(const bd_plan *plan, const double *y, int i, int j,
+                             const bd_touch *touch, const rubbing *c, double dv, double dn) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
   const double *states = bd_cfield(lay, y, bd_f_state(lay, d->slot)) + i;
@@ -266,7 +126,8 @@ static double friction_shift(const bd_plan *plan, const double *y, int i, int j,
   }
   double sum = 0.0;
   for (int e = 0; e < (d->states > 0 ? d->states : 1); ++e) {
-    const double z = d->states > 0 ? states[e * lay->stride] : 0.0, mean = c->normal / c->share;
+    const double z = d->states > 0 ? states[e * lay->stride] : 0.0,
+                 mean = touch->normal / touch->share;
     bd_law_point at, moved;
     double most = 0.0;
     bd_friction_at(plan->model, j, e, z, c->velocity, mean, &at);
@@ -277,44 +138,41 @@ static double friction_shift(const bd_plan *plan, const double *y, int i, int j,
     }
     sum += most + ROUNDING * (fabs(at.force) + fabs(at.by_state * z));
   }
-  return c->share * sum;
+  return touch->share * sum;
 }
 
 bd_contact_rounding bd_contact_rounding_of(const bd_plan *plan, const double *y, int j) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
-  const double *w = lay->string ? NULL : bd_cfield(lay, y, F_VPHI);
-  const int along = plan->model->along_links;
+  const double *w = bd_find_field(lay, y, F_VPHI);
   bd_contact_rounding out = {.least = -1};
-  if (along) {
-    bd_link_contact_see(plan, y);
-    bd_link_contact_press(plan, y, j);
-  }
-  for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
-    touch c;
-    if (!touching(plan, y, i, j, &c)) {
+  bd_plan_see(plan, y);
+  const bd_touch *touches = touches_of(plan, y, j);
+  for (int r = 0, i = -1; (i = bd_next_near(plan, j, &r, i)) >= 0;) {
+    const bd_touch *at = &touches[i];
+    if (!(at->share > 0.0)) {
       continue;
     }
-    const double least =
-        along ? fmin(plan->pressure.left[i], plan->pressure.right[i - 1]) : c.normal;
+    const rubbing c = rub(plan, y, i, j, at);
     /* of places and velocities, before differences of them are taken; and of directions */
     const double off =
-        ROUNDING * (fabs(c.at.x) + fabs(c.at.y) + fabs(d->x) + fabs(d->y) + 2.0 * plan->links.half);
-    const double speed = fabs(c.at.vx) + fabs(c.at.vy) + fabs(d->vx) + fabs(d->vy) +
+        ROUNDING * (fabs(at->x) + fabs(at->y) + fabs(d->x) + fabs(d->y) + 2.0 * plan->links.half);
+    const double speed = fabs(at->vx) + fabs(at->vy) + fabs(d->vx) + fabs(d->vy) +
                          fabs(y[lay->rim[j]]) * c.rho +
                          (w ? 2.0 * plan->links.half * fabs(w[i]) : 0.0);
     const double dv = speed * (ROUNDING + off / c.rho);
     const double p = fmax(0.0, d->radius - c.rho), elastic = (d->quadratic * p + d->linear) * p;
-    /* along links normal forces are those of the same loops */
+    /* of lengths of belt normal forces are those of the same loops */
     const double dn =
-        along ? 0.0
-              : (2.0 * d->quadratic * p + d->linear) * (1.0 + d->hunt_crossley * speed) * off +
-                    (d->damping + d->hunt_crossley * elastic) * dv;
-    out.magnitude += c.normal + fabs(c.friction) + elastic;
-    out.shift += dn + friction_shift(plan, y, i, j, &c, dv, dn) +
-                 (ROUNDING + off / c.rho) * (c.normal + fabs(c.friction));
-    if (out.least < 0 || !(least >= out.least_normal)) {
-      out.least_normal = least;
+        plan->model->belt_model->facts.smooth
+            ? 0.0
+            : (2.0 * d->quadratic * p + d->linear) * (1.0 + d->hunt_crossley * speed) * off +
+                  (d->damping + d->hunt_crossley * elastic) * dv;
+    out.magnitude += at->normal + fabs(c.friction) + elastic;
+    out.shift += dn + friction_shift(plan, y, i, j, at, &c, dv, dn) +
+                 (ROUNDING + off / c.rho) * (at->normal + fabs(c.friction));
+    if (out.least < 0 || !(at->least >= out.least_normal)) {
+      out.least_normal = at->least;
       out.least = i;
     }
   }
@@ -324,7 +182,7 @@ bd_contact_rounding bd_contact_rounding_of(const bd_plan *plan, const double *y,
 static double kinetic_energy(const bd_model *model, const double *y) {
   const bd_layout *lay = &model->lay;
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *w = lay->string ? NULL : bd_cfield(lay, y, F_VPHI);
+  const double *w = bd_find_field(lay, y, F_VPHI);
   const double m = model->info.link_mass, inertia = model->info.link_inertia;
   double sum = 0.0;
   for (int i = 0; i < lay->n; ++i) {
@@ -362,7 +220,7 @@ int bd_model_energy_terms(const bd_model *model, int *terms) {
     for (int e = 0; e < n_effects; ++e) {
       has |= effects[e]->store > 0 && effects[e]->store == c;
       for (int k = 0; k < effects[e]->n_works; ++k) {
-        has |= column_of[effects[e]->works[k]] == c;
+        has |= column_of[effects[e]->works[k].row] == c;
       }
     }
     if (has && terms) {
@@ -384,7 +242,8 @@ double bd_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]
       effect->energy(plan, y, terms);
     }
     for (int k = 0; k < effect->n_works; ++k) {
-      terms[column_of[effect->works[k]]] = y[plan->model->lay.work + effect->works[k]];
+      const int work = effect->works[k].row;
+      terms[column_of[work]] = y[plan->model->lay.work + work];
     }
   }
   for (int c = 0; c < BD_N_ENERGY; ++c) {
@@ -408,15 +267,14 @@ static void put(double *to, size_t k, int width, const double *from, double shif
 }
 
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
-  int n = plan->model->lay.n;
-  for (int i = 0; (out->deformation || out->force) && i < n; ++i) {
-    const joint at = joint_state(plan, y, i);
-    const size_t place = k * (size_t)n + (size_t)i;
+  const size_t n = (size_t)plan->model->lay.n;
+  const bd_joint *joints = out->deformation || out->force ? bd_joints(plan, y, 0) : NULL;
+  for (size_t i = 0; joints && i < n; ++i) {
     if (out->deformation) {
-      out->deformation[place] = at.along;
+      out->deformation[k * n + i] = joints[i].along;
     }
     if (out->force) {
-      out->force[place] = plan->links.stiffness * at.along + plan->links.damping * at.rate;
+      out->force[k * n + i] = bd_joint_force(plan, &joints[i]);
     }
   }
 }
@@ -424,35 +282,25 @@ void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, 
 /* After plan->touched. */
 static void outputs_of_spans(bd_plan *plan, const double *y, double *row) {
   const bd_layout *lay = &plan->model->lay;
+  const bd_joint *joints = bd_joints(plan, y, 0);
   for (int i = 0; i < lay->n; ++i) {
-    plan->best[i] = bd_joint_force(plan, y, i);
+    plan->best[i] = bd_joint_force(plan, &joints[i]);
   }
   bd_span_tension(lay->n, plan->touched, plan->best, lay->np, row);
 }
 
-/* After plan->touched. Of a mass of a string, across the bar behind it. */
+/* After plan->touched. */
 static double across(const bd_plan *plan, const double *y) {
   const bd_layout *lay = &plan->model->lay;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
   const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
-  const double *phi = lay->string ? NULL : bd_cfield(lay, y, F_PHI);
   double sum = 0.0;
   for (int i = 0; i < lay->n; ++i) {
-    if (plan->touched[i] >= 0) {
-      continue;
+    if (plan->touched[i] < 0) {
+      double e[2];
+      plan->model->belt_model->direction(lay, y, i, e);
+      const double v = vy[i] * e[0] - vx[i] * e[1];
+      sum += v * v;
     }
-    double c, s;
-    if (phi) {
-      c = cos(phi[i]);
-      s = sin(phi[i]);
-    } else {
-      const int next = i + 1 < lay->n ? i + 1 : 0;
-      const double dx = x[next] - x[i], dy = yy[next] - yy[i], length = hypot(dx, dy);
-      c = dx / length;
-      s = dy / length;
-    }
-    const double v = vy[i] * c - vx[i] * s;
-    sum += v * v;
   }
   return sum / lay->n;
 }
@@ -482,21 +330,17 @@ double bd_friction_off_line(bd_plan *plan, const double *y, const double *y_new,
     double off = 0.0;
     for (int end = 0; end < 2; ++end) {
       const double *at = end ? y_new : y;
-      if (model->along_links) {
-        bd_link_contact_see(plan, at);
-        bd_link_contact_press(plan, at, j);
-      }
-      for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
-        touch c = {0};
-        if (!touching(plan, at, i, j, &c)) {
-          c.normal = 0.0;
-        }
+      bd_plan_see(plan, at);
+      const bd_touch *touches = touches_of(plan, at, j);
+      for (int r = 0, i = -1; (i = bd_next_near(plan, j, &r, i)) >= 0;) {
+        const double normal = touches[i].share > 0.0 ? touches[i].normal : 0.0;
+        const rubbing c = normal > 0.0 ? rub(plan, at, i, j, &touches[i]) : (rubbing){0};
         if (!end) {
-          plan->best[i] = c.normal > 0.0 ? c.velocity : (double)NAN;
-        } else if (c.normal > 0.0 && isfinite(plan->best[i])) {
+          plan->best[i] = normal > 0.0 ? c.velocity : (double)NAN;
+        } else if (normal > 0.0 && isfinite(plan->best[i])) {
           bd_law_point begin, now;
-          bd_friction_at(model, j, 0, 0.0, plan->best[i], c.normal, &begin);
-          bd_friction_at(model, j, 0, 0.0, c.velocity, c.normal, &now);
+          bd_friction_at(model, j, 0, 0.0, plan->best[i], normal, &begin);
+          bd_friction_at(model, j, 0, 0.0, c.velocity, normal, &now);
           const double stiff = h * fmax(begin.by_slip, 0.0) / mass;
           const double line = begin.force + begin.by_slip * (c.velocity - plan->best[i]);
           off += fabs(now.force - line) * stiff / (1.0 + stiff);
@@ -531,17 +375,18 @@ void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out,
       memset(columns[c] + row, 0, n * sizeof(double));
     }
   }
+  bd_plan_see(plan, y);
   for (int j = 0; j < lay->np; ++j) {
-    look_at(plan, y, j);
-    for (int r = 0, i = -1; (i = next_near(plan, j, &r, i)) >= 0;) {
-      touch c = {0};
-      const int touched = (in_full ? touching : pressing)(plan, y, i, j, &c);
-      if (!touched || c.normal <= best[i]) {
+    const bd_touch *touches = touches_of(plan, y, j);
+    for (int r = 0, i = -1; (i = bd_next_near(plan, j, &r, i)) >= 0;) {
+      const double normal = touches[i].normal;
+      if (!(touches[i].share > 0.0) || normal <= best[i]) {
         continue;
       }
-      best[i] = c.normal;
+      const rubbing c = in_full ? rub(plan, y, i, j, &touches[i]) : (rubbing){0};
+      best[i] = normal;
       plan->touched[i] = j;
-      const double values[] = {c.normal, c.friction, c.mu, c.slip, c.velocity};
+      const double values[] = {normal, c.friction, c.mu, c.slip, c.velocity};
       for (size_t q = 0; q < sizeof columns / sizeof columns[0]; ++q) {
         if (columns[q]) {
           columns[q][row + (size_t)i] = values[q];
@@ -572,13 +417,13 @@ void bd_observe(bd_plan *plan, double *y, double turns, const double *torque, do
   put(out->y, k, lay->n, bd_cfield(lay, y, F_Y), model->origin[1]);
   put(out->vx, k, lay->n, bd_cfield(lay, y, F_VX), 0.0);
   put(out->vy, k, lay->n, bd_cfield(lay, y, F_VY), 0.0);
-  if (lay->string && (out->phi || out->vphi)) {
-    const size_t row = k * (size_t)lay->n;
-    bd_state_directions(lay, y, out->phi ? out->phi + row : NULL,
-                        out->vphi ? out->vphi + row : NULL);
-  } else if (!lay->string) {
+  if (!model->belt_model->directions) {
     put(out->phi, k, lay->n, bd_cfield(lay, y, F_PHI), turns * 2.0 * BD_PI);
     put(out->vphi, k, lay->n, bd_cfield(lay, y, F_VPHI), 0.0);
+  } else if (out->phi || out->vphi) {
+    const size_t row = k * (size_t)lay->n;
+    model->belt_model->directions(lay, y, out->phi ? out->phi + row : NULL,
+                                  out->vphi ? out->vphi + row : NULL);
   }
   for (int e = 0; e < plan->n_effects; ++e) {
     if (plan->effects[e]->outputs) {

@@ -132,8 +132,6 @@ void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay)
 
 /* --- effects.c ------------------------------------------------------------------------------- */
 
-typedef struct bd_plan bd_plan;
-
 /* The longest: with every law. */
 #define BD_LAW_TEXT(name, class, general, states, text) " with " text
 #define BD_CONTACT_NAME "contact" BD_LAWS(BD_LAW_TEXT) " without friction"
@@ -169,14 +167,78 @@ typedef struct bd_derivatives {
   int *n_runs;
   bd_run *runs; /* per pulley, max_runs apart */
   int max_runs;
-  double mass_damping; /* [1/s] */
-  double
-      *pulley_damping; /* of torques on a pulley by its own speed, by pulley [N m s]; NULL: none */
+  double mass_damping;    /* [1/s] */
+  double *pulley_damping; /* of torques on shafts by their own speed [N m s]; NULL: none */
   bd_mount_tangent *mounts;
   bd_coupling_tangent *couplings;
 } bd_derivatives;
 
-/* A row of the table in effects.c: another effect is another row, and the functions it names. */
+/* A body of one degree of freedom; by number shafts, then mounts, then rims and rings with a
+ * coupling. Entries of its place and speed in a state; the radius or lever at which the belt has
+ * hold of it. */
+typedef struct bd_freedom {
+  int pulley, place, speed;
+  double inertia, arm;
+} bd_freedom;
+
+static inline int bd_count_bodies(const bd_layout *lay) {
+  return lay->np + lay->nm + lay->nc;
+}
+bd_freedom bd_freedom_of(const bd_plan *plan, int body);
+
+/* A step to t, of length h, asked for what its method has not seen: an implicit one solved a linear
+ * system with g, an explicit one has g = h. */
+typedef struct bd_step {
+  double t, h, g;
+  const double *y, *y_new, *weights;
+  int implicit;
+} bd_step;
+
+typedef struct bd_stiffness {
+  double bound;     /* of |lambda| [1/s], everything together */
+  const char *what; /* has the most to do with it */
+  int pulley;       /* and which pulley, -1: none in particular */
+} bd_stiffness;
+
+/* What makes a drive stiff, as its effects say at one pulley after the other (stiffness.c). */
+typedef struct bd_stiffening {
+  const bd_model *model;
+  const bd_torque_set *set; /* NULL: not known */
+  int pulley;
+  double tension, normal; /* of the belt, on a link [N] */
+  double wrap;
+  double inertia; /* of the shaft, infinite if its motion is prescribed */
+  double stiffness[2], damping[2], bound;
+  bd_stiffness most, own;
+} bd_stiffening;
+
+/* A part of it, an oscillator of unit mass: of a LINK, or of the PULLEY, to which the others add;
+ * or a body of its OWN. adapts: the rate of something in it that is none, or 0 [1/s]. */
+enum { BD_STIFF_LINK, BD_STIFF_PULLEY, BD_STIFF_OWN };
+void bd_stiffen(bd_stiffening *at, int of, const char *what, double stiffness, double damping,
+                double adapts);
+
+/* A work integral in the state's tail, W_...; of what is lost in dampers the name of its column,
+ * what messages say if energy came from there, and whether no power ever may. */
+typedef struct bd_work {
+  int row;
+  const char *name, *given;
+  int never;
+} bd_work;
+
+#define BD_LOST_IN(name, given, never)                                                             \
+  { W_##name, #name, given, never }
+
+/* Into which an effect tells the Jacobian of its states: an entry; a state whose column is what the
+ * passes of solves make of it (solvers/jacobian.c). */
+typedef struct bd_state_entries {
+  void (*put)(const void *reading, int row, int column, double value);
+  void (*column)(const void *reading, int state);
+  const void *reading;
+} bd_state_entries;
+
+/* An effect is a row, which stands with its functions; what is NULL or 0 it does not have. Another
+ * effect is another row, and its name in BD_EFFECTS. */
 typedef struct bd_effect {
   const char *name;
   /* What in a scene calls for it: groups of parameters, or gravity, motion, torque, friction; NULL:
@@ -190,23 +252,70 @@ typedef struct bd_effect {
   /* Keeps its derivatives at y, whose rate was the last to be evaluated. NULL: they are not known,
    * and implicit methods refuse the effect by its name (newton_system.c). */
   void (*tangent)(const bd_plan *plan, const double *y, bd_derivatives *out);
-  /* Scratch of its pass, and of its derivatives, in models that can have it; NULL: none. */
+  /* Scratch of its pass, and of its derivatives, in models that can have it. */
   void (*carve)(bd_carver *carver, bd_plan *plan, const bd_model *model);
   void (*carve_tangent)(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-  /* What happens to y between two steps; NULL: nothing. *changed: so much, over the scale of errors
-   * more than `tolerance`, that rates must be taken anew. */
+  /* Its part in linear systems with g, beside inertias, damping and what the links do: an entry of
+   * the small matrix of the bodies; what c, laid out as a state, adds to their right-hand side; and
+   * its unknowns into c, from the speeds of all bodies. */
+  double (*entry)(const bd_derivatives *at, const bd_model *model, int row, int column, double g);
+  void (*product)(const bd_derivatives *at, const bd_model *model, double g, const double *c,
+                  double *rhs);
+  void (*finish)(const bd_derivatives *at, const bd_model *model, double g, const double *rhs,
+                 double *c);
+  /* Rates of its own states as entries of the Jacobian, and the states by which forces go. */
+  void (*states)(const bd_derivatives *at, const bd_layout *lay, const bd_state_entries *to);
+  /* What happens to y between two steps. *changed: so much, over the scale of errors more than
+   * `tolerance`, that rates must be taken anew. */
   int (*after_step)(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                     bd_error *err);
-  /* Row k of its outputs; NULL: it has none. */
+  /* What a step has not seen of it, as an error over the weights: a linear system whatever leaves
+   * the line along which it was linearised, any step what comes and goes within it. */
+  double (*unseen)(const bd_plan *plan, const bd_step *step);
+  /* What it has to do with how stiff a pulley is. */
+  void (*stiffness)(bd_stiffening *at);
+  /* Its states in y as settling begins with them, the belt being at rest. */
+  void (*rest)(const bd_plan *plan, double *y);
+  /* Torque on the shaft of pulley j, counter-clockwise; what a prescribed motion needs besides. */
+  double (*on_shaft)(const bd_plan *plan, const double *y, int j);
+  /* Row k of its outputs. */
   void (*outputs)(bd_plan *plan, const double *y, const bd_output *out, size_t k);
-  /* Adds the energy it stores at y to the terms; NULL: it stores none. */
+  /* Adds the energy it stores at y to the terms. */
   void (*energy)(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-  int n_works, works[2]; /* its work integrals in the state's tail: W_... */
-  int calls;             /* its pass may call functions of the caller's: torques, motions */
-  int store;             /* column of the ledger of its own, BD_ENERGY_...; 0: none */
+  int n_works;
+  bd_work works[2];
+  int calls; /* its pass may call functions of the caller's: torques, motions */
+  int store; /* column of the ledger of its own, BD_ENERGY_... */
 } bd_effect;
 
-enum { BD_MAX_EFFECTS = 16 };
+/* In the order of their passes: joints set the links' rates, and the pulleys' pass those of the
+ * pulleys, others add to them; mass-proportional damping sees the accelerations of all. */
+#define BD_EFFECTS(X)                                                                              \
+  X(moving_centres)                                                                                \
+  X(joints)                                                                                        \
+  X(gravity)                                                                                       \
+  X(centrifugal)                                                                                   \
+  X(motion)                                                                                        \
+  X(axes)                                                                                          \
+  X(contact)                                                                                       \
+  X(pulleys)                                                                                       \
+  X(couplings)                                                                                     \
+  X(drag)                                                                                          \
+  X(mounts)                                                                                        \
+  X(paths)                                                                                         \
+  X(motion_torques)                                                                                \
+  X(mass_damping)
+
+#define X(name) extern const bd_effect bd_effect_##name;
+BD_EFFECTS(X)
+#undef X
+
+enum {
+#define X(name) BD_EFFECT_##name,
+  BD_EFFECTS(X)
+#undef X
+      BD_MAX_EFFECTS
+};
 
 /* The effects that this model and these options have, in the order of their passes; how many. */
 int bd_effects_of(const bd_model *model, const bd_plan_options *options,
@@ -215,7 +324,14 @@ int bd_effect_row(const bd_effect *effect); /* of the table */
 /* The scratch of all that this model can have. */
 void bd_effects_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_effects_carve_tangents(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-/* Settling only: speed of circulation. */
+/* What all that this model can have makes of y as settling begins, the belt being at rest. */
+void bd_effects_rest(const bd_plan *plan, double *y);
+/* Of effects that do not depend on the state, or whose derivatives are taken elsewhere. */
+void bd_tangent_none(const bd_plan *plan, const double *y, bd_derivatives *out);
+
+/* --- settling.c ------------------------------------------------------------------------------- */
+
+/* Speed of circulation, from the velocities of y, or the accelerations of a rate. */
 double bd_plan_circulation(const bd_plan *plan, const double *y);
 
 /* --- drag.c ---------------------------------------------------------------------------------- */
@@ -233,20 +349,8 @@ bd_resisting bd_coulomb_drag(double size, double omega, double w0);
  * at which a belt under this tension can run. */
 bd_resisting bd_resistance(const bd_drag *drag, double omega, double w0);
 double bd_steepest_resistance(const bd_drag *drag, const bd_model *model, int j, double tension);
-/* Of all that resists pulley j by its own speed, drag and loads: how far the torque at y_new is
- * from the line through that at y, and the slope of this line. */
-bd_resisting bd_resistance_off_line(const bd_plan *plan, double t, const double *y,
-                                    const double *y_new, int j);
-/* Torque of the drag on pulley j, in models with drag. */
-double bd_drag_torque(const bd_model *model, int j, double omega);
-int bd_drag_enabled(const bd_model *model, const bd_plan_options *options);
-int bd_drag_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-void bd_drag_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
-void bd_drag_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-
-/* Torque of the drag on pulley j at a state, by its speed against the arm on which it may stand. */
-double bd_drag_torque_in(const bd_model *model, const double *y, int j);
-
+/* What a step has not seen of all that resists pulleys by their own speed, drag and loads. */
+double bd_resistance_unseen(const bd_plan *plan, const bd_step *step);
 /* --- mounts.c -------------------------------------------------------------------------------- */
 
 /* The axes of pulleys on mounts where y has them. Before contact is asked of any other state than
@@ -254,45 +358,13 @@ double bd_drag_torque_in(const bd_model *model, const double *y, int j);
 void bd_mounts_put(const bd_plan *plan, const double *y);
 /* Of mount m at y, in the sense of its travel: of the belt. */
 double bd_mount_belt_force(const bd_plan *plan, const double *y, int m);
-/* What a linear system with g leaves out of the speed of mount m [rad/s or m/s], whose stop at
- * y_new is off the line from y: where it has come to the stop, or away. */
-double bd_stop_off_line(const bd_plan *plan, const double *y, const double *y_new, int m, double g);
 /* Mounts that have come from y to y_new to a stop which throws them back. */
 long bd_bounces(const bd_plan *plan, const double *y, const double *y_new);
 /* At the start of a run: axes on a path must stand where it has them at t; their rate is set. */
 int bd_mounts_begin(const bd_plan *plan, double t, double *y, bd_error *err);
-/* Of all mounts; of arms and sliders; of paths. */
-int bd_axes_enabled(const bd_model *model, const bd_plan_options *options);
-int bd_axes_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-void bd_axes_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
-void bd_axes_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
-void bd_axes_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-int bd_axes_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                       bd_error *err);
-void bd_axes_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
-int bd_mounts_enabled(const bd_model *model, const bd_plan_options *options);
-const char *bd_mounts_label(const bd_plan *plan);
-int bd_mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-void bd_mounts_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
-void bd_mounts_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-int bd_paths_enabled(const bd_model *model, const bd_plan_options *options);
-int bd_paths_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
 
 /* --- couplings.c ------------------------------------------------------------------------------ */
 
-int bd_couplings_enabled(const bd_model *model, const bd_plan_options *options);
-const char *bd_couplings_label(const bd_plan *plan);
-int bd_couplings_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
-void bd_couplings_tangent(const bd_plan *plan, const double *y, bd_derivatives *out);
-void bd_couplings_carve_tangent(bd_carver *carver, bd_derivatives *out, const bd_model *model);
-int bd_couplings_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
-                            bd_error *err);
-void bd_couplings_energy(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-void bd_couplings_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
-/* What a linear system with g leaves out of the speeds at clutch c, which has engaged or come free
- * between y and y_new [rad/s]. */
-double bd_clutch_off_line(const bd_plan *plan, const double *y, const double *y_new, int c,
-                          double g);
 /* Bodies of the linear systems: shafts, mounts, rims with a coupling; that on which the belt runs
  * at pulley j. */
 static inline int bd_rim_body(const bd_layout *lay, int c) {
@@ -301,19 +373,14 @@ static inline int bd_rim_body(const bd_layout *lay, int c) {
 static inline int bd_belt_body(const bd_layout *lay, int j) {
   return bd_runs_on_shaft(lay, j) ? j : bd_rim_body(lay, lay->rim[j] - lay->rim_speed);
 }
-/* What couplings add to their small matrix with g; to its right-hand side, of c laid out as a
- * state; and their unknowns into c, from the speeds of all bodies. */
-double bd_coupling_entry(const bd_derivatives *at, const bd_model *model, int row, int column,
-                         double g);
-void bd_coupling_product(const bd_derivatives *at, const bd_model *model, double g, const double *c,
-                         double *rhs);
-void bd_coupling_finish(const bd_derivatives *at, const bd_model *model, double g,
-                        const double *rhs, double *c);
 
-/* --- centrifugal.c --------------------------------------------------------------------------- */
+/* --- stiffness.c ------------------------------------------------------------------------------ */
 
-int bd_centrifugal_enabled(const bd_model *model, const bd_plan_options *options);
-int bd_centrifugal_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
+/* |lambda| of an oscillator of unit mass. */
+double bd_oscillator_rate(double stiffness, double damping);
+
+/* set: may be NULL. */
+bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set);
 
 /* --- plan.c ---------------------------------------------------------------------------------- */
 
@@ -329,12 +396,14 @@ struct bd_plan {
   bd_points points; /* the joints as last evaluated, */
   double *nearest;  /* squared distance of each link's nearer end from a pulley, */
   bd_links seen;    /* and the links with directions of any other state than the rate's */
-  double *owner;    /* pulley that holds a friction slot, -1: none; (slots, n8) */
+  bd_joint *joints; /* scratch of the outputs, by node, */
+  bd_touch *touches;
+  double *owner; /* pulley that holds a friction slot, -1: none; (slots, n8) */
   bd_search search;
   bd_torque_set torques;
   double *torque;        /* M_d of the last evaluation */
   double *friction;      /* friction torque on each pulley */
-  double *best;          /* scratch of the outputs, per link: of contact, then of spans; */
+  double *best;          /* per link: of contact, then of spans; */
   int32_t *touched;      /* and the pulley it touches */
   double *hub;           /* force of the belt on each pulley with a mount (mounts, 2) */
   double *mount_inertia; /* of mounts; settling takes what makes them come to rest soonest */
@@ -357,6 +426,24 @@ struct bd_plan {
   const bd_effect *effects[BD_MAX_EFFECTS];
 };
 
+/* The links listed near pulley j. */
+static inline const bd_run *bd_runs_of(const bd_plan *plan, int j) {
+  return plan->search.runs + j * plan->search.max_runs;
+}
+
+/* Goes through the links listed near pulley j: the first one after i, -1 past the last; *run is 0
+ * and i -1 at the beginning. */
+static inline int bd_next_near(const bd_plan *plan, int j, int *run, int i) {
+  const bd_run *runs = bd_runs_of(plan, j);
+  for (++i; *run < plan->search.n_runs[j]; ++*run) {
+    i = i > runs[*run].begin ? i : runs[*run].begin;
+    if (i < runs[*run].end && i < plan->model->lay.n) {
+      return i;
+    }
+  }
+  return -1;
+}
+
 void bd_plan_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_plan_make(bd_plan *plan, const bd_model *model, const bd_plan_options *options);
 int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err);
@@ -368,9 +455,14 @@ void bd_plan_place(bd_plan *plan, double t, const double *y);
 /* Which pulley holds each friction slot, from positions alone, at the start of a run; friction
  * states of links on no pulley are reset. */
 void bd_plan_assign_contacts(bd_plan *plan, double *y);
-/* Squared distances from pulley j as contact has them: of the links' centres, or along links (after
- * bd_link_contact_see) of the nearest end at a joint. Scratch. */
+/* Before contact is asked of any other state than that of the last rate: directions there. Before
+ * the distances of nodes in these runs from a pulley are. */
+void bd_plan_see(const bd_plan *plan, const double *y);
+void bd_plan_near(const bd_plan *plan, const double *y, int j, int n_runs, const bd_run *runs);
+/* Squared distances from pulley j of all that touches at the nodes, after bd_plan_see. Scratch. */
 const double *bd_plan_distances(const bd_plan *plan, const double *y, int j);
+/* What of the effects a step has not seen, the largest. */
+double bd_plan_unseen(const bd_plan *plan, const bd_step *step);
 /* What the effects make of y after a step. */
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err);
@@ -389,21 +481,6 @@ int bd_motion_put(bd_plan *plan, double t, double *y, bd_error *err);
 int bd_motion_begin(bd_plan *plan, double t, double t_end, const double *y, bd_error *err);
 /* In place of set torques those that the motions last evaluated need at y. */
 void bd_outputs_of_motion(bd_plan *plan, const double *y, const bd_output *out, size_t k);
-
-/* --- link_contact.c -------------------------------------------------------------------------- */
-
-void bd_carve_pressure(bd_carver *carver, const bd_layout *lay, bd_pressure *pressure,
-                       bd_end_forces *forces);
-void bd_clear_end_forces(const bd_layout *lay, const bd_end_forces *forces);
-void bd_link_contact_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
-/* Adds contact and friction of all pulleys to the rate, from directions as last evaluated; the halo
- * of y is set. */
-void bd_link_contact_rate(bd_plan *plan, double *y, double *dy);
-/* Directions at y for what follows: a pulley's pressure (returns its stored energy), squared
- * distances of all links' nearer ends from a pulley, into the plan's scratch. */
-void bd_link_contact_see(const bd_plan *plan, const double *y);
-double bd_link_contact_press(const bd_plan *plan, const double *y, int j);
-void bd_link_contact_distances(const bd_plan *plan, const double *y, int j);
 
 /* --- search.c, on a plan --------------------------------------------------------------------- */
 
@@ -427,8 +504,18 @@ typedef struct bd_contact_rounding {
 } bd_contact_rounding;
 
 bd_contact_rounding bd_contact_rounding_of(const bd_plan *plan, const double *y, int j);
-/* Force in the joint on the left of link i. */
-double bd_joint_force(const bd_plan *plan, const double *y, int i);
+/* All joints at a state, with directions as the rate has them or anew. Scratch. */
+const bd_joint *bd_joints(const bd_plan *plan, const double *y, int with_rate);
+/* Force in a joint. */
+static inline double bd_joint_force(const bd_plan *plan, const bd_joint *at) {
+  return plan->links.stiffness * at->along + plan->links.damping * at->rate;
+}
+/* A value of an output, NULL: it is not wanted. */
+static inline void bd_put(double *to, size_t at, double value) {
+  if (to) {
+    to[at] = value;
+  }
+}
 /* Outputs of single effects; their stored energy, added to the terms. */
 void bd_outputs_of_joints(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 void bd_outputs_of_contact(bd_plan *plan, const double *y, const bd_output *out, size_t k);
@@ -438,9 +525,6 @@ double bd_friction_off_line(bd_plan *plan, const double *y, const double *y_new,
 void bd_energy_of_joints(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_gravity(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
 void bd_energy_of_contact(const bd_plan *plan, const double *y, double terms[BD_N_ENERGY]);
-/* Adds the elastic energy of the contact with pulley j, the pulleys in turn; whether there is any.
- */
-int bd_add_contact_energy(const bd_plan *plan, const double *y, int j, double *energy);
 /* All works but that of the set torques: what was lost since the start. */
 double bd_losses(const bd_layout *lay, const double *y);
 /* Mean of the joint forces, tension positive. */

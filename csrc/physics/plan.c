@@ -124,6 +124,32 @@ int bd_plan_rate(bd_plan *plan, double t, double *y, double *dy, bd_error *err) 
   return BD_OK;
 }
 
+double bd_plan_unseen(const bd_plan *plan, const bd_step *step) {
+  double most = 0.0;
+  for (int k = 0; k < plan->n_effects; ++k) {
+    if (plan->effects[k]->unseen) {
+      most = fmax(most, plan->effects[k]->unseen(plan, step));
+    }
+  }
+  return most;
+}
+
+bd_freedom bd_freedom_of(const bd_plan *plan, int body) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const int m = body - lay->np, c = m - lay->nm;
+  if (m < 0) {
+    return (bd_freedom){body, lay->theta + body, lay->omega + body, model->inertia[body],
+                        model->radius[body]};
+  }
+  if (c < 0) {
+    return (bd_freedom){lay->mounted[m], lay->travel + m, lay->travel_speed + m,
+                        plan->mount_inertia[m], model->mounts[m].lever};
+  }
+  return (bd_freedom){lay->coupled[c], lay->rim_angle + c, lay->rim_speed + c,
+                      model->couplings[c].inertia, model->radius[lay->coupled[c]]};
+}
+
 int bd_plan_rate_of_belt(bd_plan *plan, double t, double *y, double *dy, bd_error *err) {
   const int skipped = plan->skip_power;
   int code = BD_OK;
@@ -178,26 +204,24 @@ static void reset_friction_state(const bd_layout *lay, double *y, int slot, doub
   }
 }
 
-/* From a pulley: of a link's centre, or along links of the nearest end of the two that meet at the
- * joint (bd_link_contact_distances). */
-static double squared_distance(const bd_plan *plan, const double *y, int i, int j) {
-  const bd_layout *lay = &plan->model->lay;
-  const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
-  if (plan->model->along_links) {
-    return fmin(plan->nearest[i - 1], plan->nearest[i]);
+void bd_plan_see(const bd_plan *plan, const double *y) {
+  if (plan->kernels->directions) {
+    plan->kernels->directions(&plan->seen, y);
   }
-  const double dx = bd_cfield(lay, y, F_X)[i] - pulley->x;
-  const double dy = bd_cfield(lay, y, F_Y)[i] - pulley->y;
-  return dx * dx + dy * dy;
+}
+
+void bd_plan_near(const bd_plan *plan, const double *y, int j, int n_runs, const bd_run *runs) {
+  if (plan->kernels->nearest_ends) {
+    plan->kernels->nearest_ends(&plan->seen, &plan->contact_pulleys[j], n_runs, runs, y,
+                                plan->nearest);
+  }
 }
 
 const double *bd_plan_distances(const bd_plan *plan, const double *y, int j) {
-  if (plan->model->along_links) {
-    bd_link_contact_distances(plan, y, j);
-  }
-  for (int i = 0; i < plan->model->lay.n; ++i) {
-    plan->best[i] = squared_distance(plan, y, i, j);
-  }
+  const bd_layout *lay = &plan->model->lay;
+  const bd_run all = {0, lay->n8};
+  bd_plan_near(plan, y, j, 1, &all);
+  plan->model->belt_model->distances(plan, y, j, 0, lay->n, plan->best);
   return plan->best;
 }
 
@@ -206,9 +230,7 @@ void bd_plan_assign_contacts(bd_plan *plan, double *y) {
   for (int k = 0; k < lay->n8 * lay->slots; ++k) {
     plan->owner[k] = FREE;
   }
-  if (plan->model->along_links) {
-    bd_link_contact_see(plan, y);
-  }
+  bd_plan_see(plan, y);
   for (int j = 0; lay->slots > 0 && j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     const double *squared = bd_plan_distances(plan, y, j);
@@ -235,9 +257,11 @@ static int resolve_contact_events(bd_plan *plan, double t, double *y, int j, int
   const int friction = pulley->law != BD_LAW_NONE;
   double *mu = friction ? bd_field(lay, y, bd_f_state(lay, pulley->slot)) : NULL;
   double *slip = friction ? bd_field(lay, y, bd_f_slip(lay, pulley->slot)) : NULL;
-  double *owner = plan->owner + pulley->slot * lay->n8;
-  for (int i = begin; i < begin + BD_LANES && i < lay->n; ++i) {
-    const double rho2 = squared_distance(plan, y, i, j);
+  double *owner = plan->owner + pulley->slot * lay->n8, squared[BD_LANES];
+  const int end = begin + BD_LANES < lay->n ? begin + BD_LANES : lay->n;
+  plan->model->belt_model->distances(plan, y, j, begin, end, squared);
+  for (int i = begin; i < end; ++i) {
+    const double rho2 = squared[i - begin];
     if (rho2 < 0.25 * rim2) {
       return bd_fail_at(err, BD_ERR_PASSED_THROUGH, "contact", t, i, j, sqrt(rho2),
                         "link %d sank past half the radius of %s at t = %.9g s: the "
@@ -284,22 +308,16 @@ int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int
 int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                           bd_error *err) {
   const bd_layout *lay = &plan->model->lay;
-  const int along = plan->model->along_links;
   int found = 0;
-  if (along) {
-    plan->kernels->directions(&plan->seen, y);
-  }
+  bd_plan_see(plan, y);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     const double *owner = plan->owner + pulley->slot * lay->n8;
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
-    if (along) {
-      plan->kernels->nearest_ends(&plan->seen, pulley, plan->search.n_runs[j], runs, y,
-                                  plan->nearest);
-    }
+    const bd_run *runs = bd_runs_of(plan, j);
+    bd_plan_near(plan, y, j, plan->search.n_runs[j], runs);
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       for (int begin = runs[r].begin; begin < runs[r].end; begin += BD_LANES) {
-        begin = plan->kernels->find_contact_event[along][pulley->law != BD_LAW_NONE](
+        begin = plan->kernels->find_contact_event[pulley->law != BD_LAW_NONE](
             &plan->links, pulley, j, owner, plan->nearest, y, begin, runs[r].end);
         if (begin == runs[r].end) {
           break;
@@ -314,7 +332,7 @@ int bd_contact_after_step(bd_plan *plan, double t, double *y, double tolerance, 
   }
   for (int j = 0; found && plan->friction_on && j < lay->np; ++j) {
     const int slot = plan->contact_pulleys[j].slot;
-    const bd_run *runs = plan->search.runs + j * plan->search.max_runs;
+    const bd_run *runs = bd_runs_of(plan, j);
     for (int r = 0; r < plan->search.n_runs[j]; ++r) {
       reset_friction_state(lay, y, slot, plan->owner + slot * lay->n8, runs[r].begin,
                            runs[r].end < lay->n ? runs[r].end : lay->n);

@@ -25,7 +25,7 @@ static void list_links(bd_plan *plan, const double *y) {
     const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
     bd_run *runs = search->runs + j * search->max_runs;
     /* the joints of a link that touches belong to its neighbours as well, and may gape */
-    const double apart = plan->model->along_links ? 2.0 * plan->model->info.link_length : 0.0;
+    const double apart = 2.0 * plan->model->belt_model->facts.reach * plan->model->info.link_length;
     double reach = pulley->radius + search->margin + apart;
     int n_runs = 0;
     for (int begin = 0; begin < lay->n; begin += BD_LANES) {
@@ -56,9 +56,9 @@ void bd_search_ready(bd_plan *plan, const double *y, double h) {
   for (int m = 0; m < lay->nm; ++m) {
     const bd_mounted *mount = &plan->model->mounts[m];
     const bd_place at = bd_mount_place(mount, y[lay->travel + m]);
-    double speed = y[lay->travel_speed + m] * hypot(at.a[0], at.a[1]);
+    double speed = fabs(y[lay->travel_speed + m]) * hypot(at.a[0], at.a[1]);
     /* a path may be at rest now and go on at once */
-    speed = fmax(speed, mount->kind == BD_MOUNT_PATH ? mount->fastest : 0.0);
+    speed = fmax(speed, mount->fastest);
     fastest = fmax(fastest, speed * speed);
   }
   /* Twice for what a link can gain on the speed at the step's start, twice for what link and

@@ -144,14 +144,6 @@ static double rung(double h) {
   return exp2(floor(32.0 * log2(h)) / 32.0);
 }
 
-/* The first step, a tenth of the time constant of the stiffest mode of the joints: its error is
- * below 1e-5 of that mode by any method of order 4, and the controller lengthens it by five times a
- * step. */
-static double first_step(const bd_sim *sim) {
-  const double SHARE_OF_TIME_CONSTANT = 0.1;
-  return SHARE_OF_TIME_CONSTANT / sim->stepper.model->info.spectral_bound;
-}
-
 /* The shortest step that moves the time, at t = 0 the phase of the fastest mode. A belt that
  * settles by a millionth of its step sinks into a pulley as far as it can: such steps go on for
  * ever. */
@@ -159,6 +151,23 @@ static double shortest(const bd_sim *sim) {
   const double moves = 16.0 * DBL_EPSILON *
                        fmax(fabs(sim->stepper.t), 1.0 / sim->stepper.model->info.spectral_bound);
   return sim->settling ? fmax(moves, 1e-6 * sim->options.step) : moves;
+}
+
+/* The first step, a tenth of the time constant of the stiffest mode of the joints: its error is
+ * below 1e-5 of that mode by any method of order 4, and the controller lengthens it by five times a
+ * step. Of a method that looks back nothing checks its first step, which is of order 1 and errs by
+ * (h lambda)^2 / 2 of all that is stiff: by no more than errors may be, as far as the time has
+ * digits for it. */
+static double first_step(const bd_sim *sim) {
+  const double SHARE_OF_TIME_CONSTANT = 0.1;
+  const bd_stepper *stepper = &sim->stepper;
+  const double h = SHARE_OF_TIME_CONSTANT / stepper->model->info.spectral_bound;
+  if (stepper->method->history == 0) {
+    return h;
+  }
+  const double error = bd_method_tolerance(stepper->method, stepper->model, stepper->rtol);
+  const double fastest = bd_stiffness_of(stepper->model, &stepper->plan.torques).bound;
+  return fmin(h, fmax(100.0 * shortest(sim), sqrt(2.0 * error) / fastest));
 }
 
 int bd_sim_begin_motion(bd_sim *sim, bd_error *err) {
@@ -526,8 +535,7 @@ size_t bd_sim_samples(const bd_sim *sim) {
 static double estimated_error(const bd_sim *sim) {
   const double by_jumps = 5.0, by_bounce = 10.0;
   const double rounds = 780.0; /* a second of the paper's drive */
-  const int along_links = sim->stepper.model->along_links;
-  const double by_local = along_links ? 2.0 : 1.0, by_balance = along_links ? 0.1 : 5.0;
+  const bd_belt_facts *belt = &sim->stepper.model->belt_model->facts;
   const int unknown[] = {BD_WARN_growth, BD_WARN_chatter, BD_WARN_torque, BD_WARN_rough_torque};
   for (size_t k = 0; k < sizeof unknown / sizeof unknown[0]; ++k) {
     const int excused = unknown[k] == BD_WARN_chatter && sim->twin.excused;
@@ -538,10 +546,10 @@ static double estimated_error(const bd_sim *sim) {
   if (sim->stepper.fixed || sim->guard.rings || sim->stats.local_error == 0.0) {
     return 0.0;
   }
-  double error = sim->stats.local_error * fmax(by_local, bd_guard_adds_up(sim)) *
+  double error = sim->stats.local_error * fmax(belt->error_by_local, bd_guard_adds_up(sim)) *
                  (sim->twin.stiff ? by_jumps : 1.0);
   if (sim->stepper.plan.ledger) { /* else it is summed too coarsely to say so much */
-    error = fmax(error, by_balance * fabs(sim->stats.balance));
+    error = fmax(error, belt->error_by_balance * fabs(sim->stats.balance));
   }
   double long_run = (sim->stepper.t - sim->t0) / bd_round_time(sim->stepper.model) / rounds;
   error *= bd_twin_magnifies(&sim->twin) * (1.0 + (double)sim->guard.bounces / by_bounce);

@@ -36,19 +36,10 @@ double bd_stop(const bd_sim *sim, double *y) {
       v[i] = 0.0;
     }
   }
-  for (int j = 0; j < lay->np; ++j) {
-    fastest = fmax(fastest, sim->stepper.model->radius[j] * fabs(y[lay->omega + j]));
-    y[lay->omega + j] = 0.0;
-  }
-  for (int c = 0; c < lay->nc; ++c) {
-    fastest =
-        fmax(fastest, sim->stepper.model->radius[lay->coupled[c]] * fabs(y[lay->rim_speed + c]));
-    y[lay->rim_speed + c] = 0.0;
-  }
-  for (int m = 0; m < lay->nm; ++m) {
-    const double v = y[lay->travel_speed + m] * sim->stepper.model->mounts[m].lever;
-    fastest = fmax(fastest, fabs(v));
-    y[lay->travel_speed + m] = 0.0;
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
+    const bd_freedom f = bd_freedom_of(&sim->stepper.plan, body);
+    fastest = fmax(fastest, f.arm * fabs(y[f.speed]));
+    y[f.speed] = 0.0;
   }
   return fastest;
 }
@@ -57,23 +48,17 @@ double bd_unbalanced(const bd_sim *sim, const double *dy) {
   const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
   const bd_info *info = &model->info;
+  const double *spin = bd_find_field(lay, dy, F_VPHI);
   double worst = 0.0;
   for (int i = 0; i < lay->n; ++i) {
     double fx = bd_cfield(lay, dy, F_VX)[i], fy = bd_cfield(lay, dy, F_VY)[i];
-    double turning = lay->string ? 0.0 : bd_cfield(lay, dy, F_VPHI)[i];
+    double turning = spin ? spin[i] : 0.0;
     worst = fmax(worst, info->link_mass * hypot(fx, fy));
     worst = fmax(worst, info->link_inertia * fabs(turning) / (0.5 * info->link_length));
   }
-  for (int j = 0; j < lay->np; ++j) {
-    worst = fmax(worst, model->inertia[j] * fabs(dy[lay->omega + j]) / model->radius[j]);
-  }
-  for (int c = 0; c < lay->nc; ++c) {
-    const double torque = model->couplings[c].inertia * dy[lay->rim_speed + c];
-    worst = fmax(worst, fabs(torque) / model->radius[lay->coupled[c]]);
-  }
-  for (int m = 0; m < lay->nm; ++m) {
-    const double force = sim->stepper.plan.mount_inertia[m] * dy[lay->travel_speed + m];
-    worst = fmax(worst, fabs(force) / model->mounts[m].lever);
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
+    const bd_freedom f = bd_freedom_of(&sim->stepper.plan, body);
+    worst = fmax(worst, f.inertia * fabs(dy[f.speed]) / f.arm);
   }
   return worst / info->strain_tension;
 }
@@ -89,17 +74,12 @@ static double work_along(const bd_sim *sim, const double *dy, const double *d, d
     work += model->info.link_mass * (ax[i] * dx[i] + az[i] * dz[i]);
     square = fmax(square, dx[i] * dx[i] + dz[i] * dz[i]);
   }
-  for (int i = 0; !lay->string && i < lay->n; ++i) {
+  for (int i = 0; bd_has_field(lay, F_PHI) && i < lay->n; ++i) {
     work += model->info.link_inertia * bd_cfield(lay, dy, F_VPHI)[i] * bd_cfield(lay, d, F_PHI)[i];
   }
-  for (int j = 0; j < lay->np; ++j) {
-    work += model->inertia[j] * dy[lay->omega + j] * d[lay->theta + j];
-  }
-  for (int c = 0; c < lay->nc; ++c) {
-    work += model->couplings[c].inertia * dy[lay->rim_speed + c] * d[lay->rim_angle + c];
-  }
-  for (int m = 0; m < lay->nm; ++m) {
-    work += sim->stepper.plan.mount_inertia[m] * dy[lay->travel_speed + m] * d[lay->travel + m];
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
+    const bd_freedom f = bd_freedom_of(&sim->stepper.plan, body);
+    work += f.inertia * dy[f.speed] * d[f.place];
   }
   *far = sqrt(square);
   return work;

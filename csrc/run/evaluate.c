@@ -32,11 +32,15 @@ static int sim_at_state(bd_sim **out, const bd_model *model, const bd_state *sta
   return code;
 }
 
-/* Rates know neither origin nor turns. */
+/* Rates know neither origin nor turns; angles that follow from places are no unknowns and have
+ * none: 0. */
 static void export_rate(const bd_model *model, const double *dy, bd_state *out) {
   bd_model moved = *model;
   moved.origin[0] = moved.origin[1] = 0.0;
   bd_state_export(&moved, dy, 0.0, out);
+  for (int i = 0; !bd_has_field(&model->lay, F_PHI) && i < model->lay.n; ++i) {
+    out->phi[i] = out->vphi[i] = 0.0;
+  }
 }
 
 int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque, bd_state *out,
@@ -96,4 +100,74 @@ int bd_model_solve(const bd_model *model, const bd_state *state, double g, const
   }
   bd_sim_free(sim);
   return code;
+}
+
+/* Numbers of the unknowns, by entry of the vector; how many there are. */
+static size_t number_unknowns(const bd_layout *lay, int *place) {
+  int next = 0;
+  for (int row = 0; row < BD_N_FIELDS; ++row) {
+    const int length = bd_field_length(lay, row), pieces = bd_field_pieces(lay, row);
+    for (int k = 0; k < pieces; ++k) {
+      for (int i = 0; i < length; ++i) {
+        place[bd_field_offset(lay, row, k) + (size_t)i] = next + k * length + i;
+      }
+    }
+    /* directions of a string are in the caller's arrays all the same */
+    next += length * (bd_state_fields[row].size == BD_SIZE_LINKS ? 1 : pieces);
+  }
+  return (size_t)next;
+}
+
+static bd_jacobian *carve_jacobian(bd_carver *carver, const bd_layout *lay, size_t n, int **place) {
+  bd_jacobian *out, none;
+  BD_CARVE(carver, out, 1);
+  bd_jacobian *to = carver->base ? out : &none;
+  BD_CARVE(carver, to->values, n);
+  BD_CARVE(carver, to->rows, n);
+  BD_CARVE(carver, to->columns, n);
+  BD_CARVE(carver, *place, lay->size);
+  return out;
+}
+
+int bd_model_jacobian(const bd_model *model, const bd_state *state, bd_jacobian **out,
+                      bd_error *err) {
+  bd_sim *sim = NULL;
+  *out = NULL;
+  int code = sim_at_state(&sim, model, state, NULL, "lie", err);
+  if (code == BD_OK) {
+    bd_stepper *at = &sim->stepper;
+    bd_newton_linearise(&at->newton, &at->plan, at->y);
+    bd_entries counted = {.n = 0};
+    bd_newton_entries(&at->newton, &at->plan, at->y, at->stage[1], &counted);
+    bd_carver carver = {0};
+    int *place;
+    carve_jacobian(&carver, &model->lay, counted.n, &place);
+    void *block = bd_block_new(carver.used);
+    if (block) {
+      carver = (bd_carver){.base = block};
+      *out = carve_jacobian(&carver, &model->lay, counted.n, &place);
+      (*out)->size = number_unknowns(&model->lay, place);
+      (*out)->n = counted.n;
+      bd_entries entries = {place, 0, (*out)->rows, (*out)->columns, (*out)->values};
+      bd_newton_entries(&at->newton, &at->plan, at->y, at->stage[1], &entries);
+      for (size_t k = 0; code == BD_OK && k < counted.n; ++k) {
+        if (!isfinite((*out)->values[k])) {
+          code = bd_fail(err, BD_ERR_NOT_FINITE, "state",
+                         "the Jacobian is not finite at this state: its numbers are too large");
+        }
+      }
+    } else {
+      code = bd_fail(err, BD_ERR_MEMORY, "jacobian", "out of memory for a Jacobian");
+    }
+  }
+  if (code != BD_OK) {
+    bd_jacobian_free(*out);
+    *out = NULL;
+  }
+  bd_sim_free(sim);
+  return code;
+}
+
+void bd_jacobian_free(bd_jacobian *jacobian) {
+  bd_block_free(jacobian);
 }

@@ -163,26 +163,10 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
 
 /* Root mean square of the difference of the joints' stretches, over the stretch at rest. */
 static double apart(const bd_sim *one, const bd_sim *other) {
-  const bd_layout *lay = &one->stepper.model->lay;
-  const double half = one->stepper.plan.links.half;
-  const double *x = bd_cfield(lay, one->stepper.y, F_X), *y = bd_cfield(lay, one->stepper.y, F_Y);
-  const double *u = bd_cfield(lay, other->stepper.y, F_X),
-               *v = bd_cfield(lay, other->stepper.y, F_Y);
-  const double *co = one->stepper.plan.links.cos, *si = one->stepper.plan.links.sin;
-  const double *cp = other->stepper.plan.links.cos, *sp = other->stepper.plan.links.sin;
-  double sum = 0.0;
-  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
-    if (lay->string) {
-      const double longer = hypot(u[i] - u[l], v[i] - v[l]) - hypot(x[i] - x[l], y[i] - y[l]);
-      sum += longer * longer;
-      continue;
-    }
-    double dx = (u[i] - x[i]) - (u[l] - x[l]) - half * (cp[i] - co[i] + cp[l] - co[l]);
-    double dy = (v[i] - y[i]) - (v[l] - y[l]) - half * (sp[i] - si[i] + sp[l] - si[l]);
-    sum += dx * dx + dy * dy;
-  }
-  return sqrt(sum / lay->n) /
-         (one->stepper.model->info.strain * one->stepper.model->info.link_length);
+  const bd_model *model = one->stepper.model;
+  const double sum = model->belt_model->apart(&one->stepper.plan, one->stepper.y,
+                                              &other->stepper.plan, other->stepper.y);
+  return sqrt(sum / model->lay.n) / (model->info.strain * model->info.link_length);
 }
 
 /* --- when to look ---------------------------------------------------------------------------- */
@@ -260,9 +244,9 @@ static double displace(bd_sim *sim, bd_sim *twin) {
       }
     }
   }
-  /* of differences of two numbers evenly spread over +-size, in x and in y; of a string's bars
-   * along their chord alone */
-  return sqrt(lay->string ? 2.0 / 3.0 : 4.0 / 3.0) * size / stretch;
+  /* of differences of two numbers evenly spread over +-size, in x and in y or along it alone */
+  const int along = sim->stepper.model->belt_model->facts.stretches;
+  return sqrt(along ? 2.0 / 3.0 : 4.0 / 3.0) * size / stretch;
 }
 
 static double next_look(const bd_sim *sim) {

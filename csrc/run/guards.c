@@ -58,44 +58,20 @@ int bd_guard_winding(const bd_plan *plan, const double *y, bd_error *err, double
   return BD_OK;
 }
 
-/* A bar's stretch, of a string; *link: the mass behind it. */
-static double widest_bar(const bd_plan *plan, const double *y, int *link) {
-  const bd_layout *lay = &plan->model->lay;
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double l0 = plan->model->info.link_length;
-  double widest = 0.0;
-  *link = 0;
-  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
-    const double gap = fabs(hypot(x[i] - x[l], yy[i] - yy[l]) - l0);
-    *link = gap > widest ? i : *link;
-    widest = fmax(widest, gap);
-  }
-  return widest / l0;
-}
-
 /* A joint's stretch as a vector against the length of a link; *link: its right one. */
-static double widest_gap(const bd_plan *plan, const double *y, int *link) {
-  const bd_layout *lay = &plan->model->lay;
-  if (lay->string) {
-    return widest_bar(plan, y, link);
-  }
-  const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
-  const double *phi = bd_cfield(lay, y, F_PHI);
+static double widest_gap(const bd_plan *plan, const bd_joint *joints, int *link) {
   double widest = 0.0;
   *link = 0;
-  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
-    double dx = x[i] - x[l] - plan->links.half * (cos(phi[i]) + cos(phi[l]));
-    double dy = yy[i] - yy[l] - plan->links.half * (sin(phi[i]) + sin(phi[l]));
-    double gap = hypot(dx, dy);
-    *link = gap > widest ? i : *link;
-    widest = fmax(widest, gap);
+  for (int i = 0; i < plan->model->lay.n; ++i) {
+    *link = joints[i].squared > widest ? i : *link;
+    widest = fmax(widest, joints[i].squared);
   }
-  return widest / plan->model->info.link_length;
+  return sqrt(widest) / plan->model->info.link_length;
 }
 
 int bd_guard_initial(const bd_plan *plan, const double *y, bd_error *err, double t) {
   int link;
-  double gap = widest_gap(plan, y, &link);
+  const double gap = widest_gap(plan, bd_joints(plan, y, 0), &link);
   if (gap > 1.0) {
     return bd_fail_at(
         err, BD_ERR_STATE, "initial", t, link, -1, gap,
@@ -121,33 +97,18 @@ static double survey(bd_sim *sim, double *gap, int *link) {
   const bd_model *model = sim->stepper.model;
   const bd_layout *lay = &model->lay;
   const double *x = bd_cfield(lay, sim->stepper.y, F_X), *y = bd_cfield(lay, sim->stepper.y, F_Y);
-  const int string = lay->string;
-  const double *phi = string ? NULL : bd_cfield(lay, sim->stepper.y, F_PHI),
-               *w = string ? NULL : bd_cfield(lay, sim->stepper.y, F_VPHI);
   const double *vx = bd_cfield(lay, sim->stepper.y, F_VX),
-               *vy = bd_cfield(lay, sim->stepper.y, F_VY);
-  const double *co = plan->links.cos, *si = plan->links.sin, half = plan->links.half;
+               *vy = bd_cfield(lay, sim->stepper.y, F_VY),
+               *w = bd_find_field(lay, sim->stepper.y, F_VPHI);
   const double m = model->info.link_mass, gx = model->gravity[0], gy = model->gravity[1];
-  double axial = 0.0, bending = 0.0, moving = 0.0, spin = 0.0, height = 0.0, widest = 0.0;
+  const bd_joint *joints = bd_joints(plan, sim->stepper.y, 1);
+  double axial = 0.0, bending = 0.0, moving = 0.0, spin = 0.0, height = 0.0;
   bd_mounts_put(plan, sim->stepper.y);
-  *link = 0;
-  for (int i = 0, l = lay->n - 1; i < lay->n; l = i++) {
-    double squared, turn = 0.0;
-    if (string) {
-      const double stretch = hypot(x[i] - x[l], y[i] - y[l]) - 2.0 * half;
-      squared = stretch * stretch;
-    } else {
-      double dx = x[i] - x[l] - half * (co[i] + co[l]), dy = y[i] - y[l] - half * (si[i] + si[l]);
-      turn = phi[i] - phi[l] + (i > 0 ? 0.0 : plan->links.wind);
-      squared = dx * dx + dy * dy;
-      spin += w[i] * w[i];
-    }
-    if (squared > widest) {
-      widest = squared;
-      *link = i;
-    }
-    axial += squared;
-    bending += turn * turn;
+  bd_plan_see(plan, sim->stepper.y);
+  for (int i = 0; i < lay->n; ++i) {
+    axial += joints[i].squared;
+    bending += joints[i].turn * joints[i].turn;
+    spin += w ? w[i] * w[i] : 0.0;
     moving += vx[i] * vx[i] + vy[i] * vy[i];
     height += gx * (x[i] + model->origin[0]) + gy * (y[i] + model->origin[1]);
   }
@@ -157,16 +118,20 @@ static double survey(bd_sim *sim, double *gap, int *link) {
   for (int j = 0; j < lay->np; ++j) {
     double omega = sim->stepper.y[lay->omega + j];
     energy += 0.5 * model->inertia[j] * omega * omega;
-    if (bd_add_contact_energy(plan, sim->stepper.y, j, &energy)) {
+    if (model->belt_model->contact_energy(plan, sim->stepper.y, j, &energy)) {
       sim->guard.touched[j] = sim->stepper.t;
     }
   }
   double terms[BD_N_ENERGY] = {0.0};
-  bd_mounts_energy(plan, sim->stepper.y, terms);
-  bd_couplings_energy(plan, sim->stepper.y, terms);
-  energy += terms[BD_ENERGY_kinetic] + terms[BD_ENERGY_mount] + terms[BD_ENERGY_gravity] +
-            terms[BD_ENERGY_coupling];
-  *gap = sqrt(widest) / model->info.link_length;
+  double stored = 0.0;
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->store) {
+      plan->effects[e]->energy(plan, sim->stepper.y, terms);
+      stored += terms[plan->effects[e]->store];
+    }
+  }
+  energy += terms[BD_ENERGY_kinetic] + stored + terms[BD_ENERGY_gravity];
+  *gap = widest_gap(plan, joints, link);
   return energy;
 }
 
@@ -330,7 +295,7 @@ static void check_contact_damping(bd_sim *sim) {
   const double stiffness = bd_contact_stiffness(contact->quadratic, contact->linear, pressure);
   const double damping = bd_contact_damping(model, contact->damping, pressure);
   const double density = model->belt.linear_density, critical = 2.0 * sqrt(stiffness * density);
-  if (!model->along_links || !sim->stepper.method->implicit ||
+  if (!model->belt_model->facts.smooth || !sim->stepper.method->implicit ||
       sim->stepper.plan.contacts_changed < 2 * LANDED * (long)model->lay.np ||
       damping >= LEAST * critical ||
       sim->stats.largest_step * sqrt(stiffness / density) < ALLOWED) {
@@ -376,7 +341,8 @@ int bd_guard_look(bd_sim *sim, int now) {
 int bd_guard_check(bd_sim *sim) {
   const bd_plan *plan = &sim->stepper.plan;
   int link, code = bd_invariants_numbers(sim);
-  const double gap = code == BD_OK ? widest_gap(plan, sim->stepper.y, &link) : 0.0;
+  const double gap =
+      code == BD_OK ? widest_gap(plan, bd_joints(plan, sim->stepper.y, 0), &link) : 0.0;
   if (gap > 1.0) {
     code = check_joints(sim, gap, link);
   }

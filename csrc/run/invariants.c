@@ -132,9 +132,7 @@ static int check_friction(bd_sim *sim) {
   const bd_plan *plan = &sim->stepper.plan;
   const bd_layout *lay = &plan->model->lay;
   int code = BD_OK;
-  if (plan->model->along_links) {
-    bd_link_contact_see(plan, sim->stepper.y);
-  }
+  bd_plan_see(plan, sim->stepper.y);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     code = check_touch(sim, j);
   }
@@ -198,13 +196,14 @@ static int check_forces(bd_sim *sim, const double *dy) {
   const double m = model->info.link_mass;
   const double *ax = bd_cfield(lay, dy, F_VX), *ay = bd_cfield(lay, dy, F_VY);
   double sum[2] = {0.0, 0.0};
+  const bd_joint *joints = bd_joints(plan, sim->stepper.y, 0);
   bd_contact_rounding all = {0};
   for (int i = 0; i < lay->n; ++i) {
     sum[0] += m * (ax[i] - model->gravity[0]);
     sum[1] += m * (ay[i] - model->gravity[1]);
     all.magnitude +=
         m * (fabs(ax[i]) + fabs(ay[i]) + fabs(model->gravity[0]) + fabs(model->gravity[1])) +
-        fabs(bd_joint_force(plan, sim->stepper.y, i));
+        fabs(bd_joint_force(plan, &joints[i]));
   }
   for (int j = 0; j < lay->np; ++j) {
     const int code = check_pulley(sim, j, sum, &all);
@@ -238,32 +237,24 @@ static int check_losses(bd_sim *sim, const double *dy) {
   const bd_plan *plan = &sim->stepper.plan;
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
-  static const struct {
-    int work, power; /* power: never negative at any instant */
-    const char *name, *given;
-  } dampers[] = {{W_joint_loss, 1, "joint_loss", "dampers of the joints have given"},
-                 {W_contact_loss, 1, "contact_loss", "dampers of the contact have given"},
-                 {W_drag_loss, 1, "drag_loss", "drag has given"},
-                 {W_mount_loss, 0, "mount_loss", "dampers of mounts have given"},
-                 {W_coupling_loss, 1, "coupling_loss", "dampers of couplings have given"}};
   double elastic = 0.0;
   for (int j = 0; j < lay->np; ++j) {
     elastic += bd_contact_rounding_of(plan, sim->stepper.y, j).magnitude;
   }
   const double speed = sqrt(plan->kernels->fastest(lay, sim->stepper.y));
-  for (size_t k = 0; k < sizeof dampers / sizeof dampers[0]; ++k) {
-    const int work = dampers[k].work;
-    if (work >= lay->n_work) {
+  for (int k = 0; k < 2 * plan->n_effects; ++k) {
+    const bd_work *work = &plan->effects[k / 2]->works[k % 2];
+    if (!work->given) {
       continue;
     }
-    const double gained = -sim->stepper.y[lay->work + work];
-    const double power = dampers[k].power ? -dy[lay->work + work] : 0.0;
+    const double gained = -sim->stepper.y[lay->work + work->row];
+    const double power = work->never ? -dy[lay->work + work->row] : 0.0;
     if (!within(sim, power, of_sum(lay->n, elastic * speed))) {
-      return broken(sim, dampers[k].name, -1, -1, -power, "dampers of %s give %.3g W",
-                    dampers[k].name, power);
+      return broken(sim, work->name, -1, -1, -power, "dampers of %s give %.3g W", work->name,
+                    power);
     }
     if (!within(sim, gained, BD_MOST_BALANCE * bd_guard_energy(sim) + given_back(model))) {
-      return bd_guard_out_of_balance(sim, dampers[k].name, -gained, dampers[k].given);
+      return bd_guard_out_of_balance(sim, work->name, -gained, work->given);
     }
   }
   return BD_OK;

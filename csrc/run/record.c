@@ -206,14 +206,8 @@ static uint64_t scene_of(const bd_sim *sim) {
     sum = hash_numbers(sum, mount->t, mount->n_t);
     sum = hash_numbers(sum, mount->points, 2 * mount->n_t);
   }
-  for (int c = 0; c < model->lay.nc; ++c) {
-    const bd_coupled *coupled = &model->couplings[c];
-    ADD(coupled->pulley);
-    ADD(coupled->kind);
-    ADD(coupled->sense);
-    ADD(coupled->inertia);
-    ADD(coupled->stiffness);
-    ADD(coupled->damping);
+  if (model->couplings) { /* numbers alone, without a gap */
+    sum = hash(sum, model->couplings, (size_t)model->lay.nc * sizeof *model->couplings);
   }
   for (size_t k = 0; k < set->n_terms; ++k) {
     const bd_torque_term *term = &set->terms[k];

@@ -134,8 +134,7 @@ enum { BD_EVERY_STEP = 1 };
 enum { BD_EVERY_STEP = 0 };
 #endif
 
-/* --- growth.c ----------------------------------------------------------------------------------
- */
+/* --- growth.c --------------------------------------------------------------------------------- */
 
 void bd_twin_carve(bd_carver *carver, bd_twin *twin, int np);
 int bd_twin_create(bd_sim *sim, const bd_torque *torque);

@@ -42,14 +42,15 @@ void bd_settle_options_default(bd_settle_options *options) {
 static double critical_mass_damping(const bd_model *model, double flow, double *lowest) {
   double span = fmax(model->longest_span, 0.25 * model->belt.length);
   double still = model->info.strain_tension / model->belt.linear_density;
-  flow = bd_model_gives_way(model) ? 0.0 : flow;
+  flow = model->n_moving > 0 ? 0.0 : flow;
   *lowest = BD_PI * sqrt(fmax(still - flow * flow, 0.01 * still)) / span;
   return 2.0 * *lowest;
 }
 
 /* What makes explicit steps longest. */
 static double easiest_damping(const bd_model *model) {
-  return 0.5 * sqrt(model->info.joint_stiffness * model->info.link_mass / (0.25 * model->shear));
+  return 0.5 * sqrt(model->info.joint_stiffness * model->info.link_mass /
+                    (0.25 * model->belt_model->facts.shear));
 }
 
 /* Times a radius, the most by which a link is pressed: PRESSED times the force on the belt line, as
@@ -76,23 +77,23 @@ static double fastest_mode(const bd_model *model, int friction, double flow) {
   }
   double contact = bd_contact_stiffness(info->contact_quadratic, info->contact_linear, normal);
   double m = info->link_mass;
-  double k = model->shear * info->joint_stiffness / m +
+  double k = model->belt_model->facts.shear * info->joint_stiffness / m +
              4.0 * info->bending_stiffness / info->link_inertia +
              (contact + steepest.stiffness) / m;
   double d = info->contact_damping / m + steepest.damping / m +
              critical_mass_damping(model, flow, &lowest) +
-             model->shear * easiest_damping(model) / m +
+             model->belt_model->facts.shear * easiest_damping(model) / m +
              4.0 * info->bending_damping / info->link_inertia;
-  return fmax(steepest.adapts, d * d > 4.0 * k ? 0.5 * (d + sqrt(d * d - 4.0 * k)) : sqrt(k));
+  return fmax(steepest.adapts, bd_oscillator_rate(k, d));
 }
 
 /* Implicit steps, times the mass-proportional damping; how many explicit steps one of them must
  * replace: it takes as long as three or four; with friction, where rounding would decide what long
- * steps leave it holding, and on the paper's mesh, whose coarse belts are to stay as they were,
- * many more. The share of the stability limit that an explicit step takes; if that was too much, it
- * is halved (retry). Centres move in, and settling is given up without progress, after so many
- * radians of the lowest transverse mode: the polygon of links holds a fine belt less. While there
- * is progress it goes on for MOST_PATIENCE times as many steps. */
+ * steps leave it holding, and where contact sets in with a jump, whose coarse belts are to stay as
+ * they were, many more. The share of the stability limit that an explicit step takes; if that was
+ * too much, it is halved (retry). Centres move in, and settling is given up without progress, after
+ * so many radians of the lowest transverse mode: the polygon of links holds a fine belt less. While
+ * there is progress it goes on for MOST_PATIENCE times as many steps. */
 static const double IMPLICIT_STEP = 0.25, WORTH_EXACT = 15.0, WORTH = 4.0, STABILITY_SHARE = 0.8;
 static const double MOVE = 100.0, PATIENCE = 1000.0, PATIENCE_FINE = 5000.0, MOST_PATIENCE = 4.0;
 
@@ -100,7 +101,7 @@ static const bd_method *method_for(const bd_model *model, int friction, double f
   const bd_method *explicit = bd_method_find("rk4");
   double lowest, most = IMPLICIT_STEP / critical_mass_damping(model, flow, &lowest);
   *step = STABILITY_SHARE * explicit->stability / fastest_mode(model, friction, flow);
-  const int exact = friction || !model->along_links;
+  const int exact = friction || !model->belt_model->facts.smooth;
   if ((exact ? WORTH_EXACT : WORTH) * *step >= most) {
     return explicit;
   }
@@ -129,14 +130,14 @@ static int check_speed(const bd_model *model, const bd_settle_options *options, 
   const double EA = model->belt.axial_stiffness, density = model->belt.linear_density;
   const double room = BD_MAX_STRAIN * EA - bd_rest_tension(model, 0.0);
   const double fastest = sqrt(fmax(0.0, room) / density);
-  if (bd_model_gives_way(model) && !(fabs(options->speed) < fastest)) {
+  if (model->n_moving > 0 && !(fabs(options->speed) < fastest)) {
     return bd_fail(
         err, BD_ERR_OPTION, "speed",
         "speed must be below %.6g m/s, at which rho A v^2 stretches the belt by more than "
         "%g; got %.6g m/s: is it a speed in 1/min where rad/s are meant?",
         fastest, BD_MAX_STRAIN, options->speed);
   }
-  if (!bd_model_gives_way(model) && !(fabs(options->speed) < most)) {
+  if (model->n_moving == 0 && !(fabs(options->speed) < most)) {
     return bd_fail(err, BD_ERR_OPTION, "speed",
                    "speed must be below %.6g m/s, at which the belt leaves its pulleys: rho A v^2 "
                    "is then all of its tension, %.4g N without their pressure; got %.6g m/s",
@@ -257,9 +258,10 @@ static int check_laid(bd_sim *sim, bd_error *err) {
                       "raise belt.n_bodies",
                       over, model->info.link_length);
   }
+  bd_plan_see(&sim->stepper.plan, sim->stepper.y);
   for (int j = 0; code == BD_OK && j < lay->np; ++j) {
     double stored = 0.0;
-    if (!bd_add_contact_energy(&sim->stepper.plan, sim->stepper.y, j, &stored)) {
+    if (!model->belt_model->contact_energy(&sim->stepper.plan, sim->stepper.y, j, &stored)) {
       return bd_fail_at(
           err, BD_ERR_OFF_PULLEY, "settle", sim->stepper.t, -1, j, model->info.link_length,
           "no link touches %s: the belt bends round it between two links of "
@@ -345,7 +347,7 @@ static int check_rest(bd_settling *settling) {
         "large, %sor the links too long for the pulleys; or call settle(params, %stolerance=...) "
         "and pass its state as initial",
         sim->stepper.t, sim->stats.residual, fastest,
-        bd_model_gives_way(model) ? "the mounts' stops too stiff or their springs too soft, " : "",
+        model->n_moving > 0 ? "the mounts' stops too stiff or their springs too soft, " : "",
         hopeless ? "" : "max_time=..., ");
   }
   return BD_OK;
@@ -484,14 +486,7 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
     return code;
   }
   bd_stop(settling->sim, stepper->y);
-  for (int c = 0; c < model->lay.nc; ++c) {
-    stepper->y[model->lay.windup + c] = 0.0; /* at rest no torque goes through a coupling */
-  }
-  if (!stepper->plan.friction_on) {
-    for (int f = F_MU; f < bd_f_slip(&model->lay, model->lay.slots); ++f) {
-      memset(bd_field(&model->lay, stepper->y, f), 0, (size_t)model->lay.n * sizeof *stepper->y);
-    }
-  }
+  bd_effects_rest(&stepper->plan, stepper->y);
   settling->start_turns = stepper->turns;
   memcpy(settling->start, stepper->y, model->lay.size * sizeof *stepper->y);
   bd_stepper_weigh(stepper);

@@ -142,7 +142,7 @@ static int list(const bd_sim *sim, int rates, pass *passes) {
     passes[n++] = (pass){"factorisation", 1.0, FACTOR, -1};
   }
   for (int k = 0; k < plan->n_effects; ++k) {
-    const int rubs = plan->friction_on && strcmp(plan->effects[k]->name, "contact") == 0;
+    const int rubs = plan->friction_on && plan->effects[k] == &bd_effect_contact;
     if (rubs) {
       passes[n++] = (pass){"contact: normal force", rates, WITHOUT_FRICTION, k};
     }

@@ -32,7 +32,9 @@ int bd_erk_attempt(bd_stepper *stepper, double h, double *error) {
    * step has up to 0.17 too much or too little, and the estimate 0.01 of it on average */
   if (code == BD_OK && !stepper->fixed) {
     const double unseen = 0.1;
-    *error = fmax(*error, unseen * bd_stepper_error_of_stops(stepper, stepper->y_new, h));
+    const bd_step step = {
+        .h = h, .g = h, .y = stepper->y, .y_new = stepper->y_new, .weights = stepper->weights};
+    *error = fmax(*error, unseen * bd_plan_unseen(&stepper->plan, &step));
   }
   return code;
 }

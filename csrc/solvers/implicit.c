@@ -79,30 +79,20 @@ void bd_implicit_add_torque_by_time(const bd_stepper *stepper, double *c, double
   }
 }
 
-/* Where a pulley sticks to its dry friction, g slope >> inertia: the system divides by it whatever
- * the torque at y_new differs from the line through that at y, in the solution and in the estimate,
- * and a pulley that breaks loose creeps on along the line. Of that difference, its effect on the
- * speed as a free pulley has it, by the share that is hidden; on a slope that falls the system may
- * turn its sign. A mount that meets a stop, or leaves it, goes on as if it had not. These are
- * errors that come once, so it is what was asked for that limits them. */
+/* These are errors that come once, so it is what was asked for that limits them. */
 double bd_implicit_hidden_error(const bd_stepper *stepper, double h, double g,
                                 const double *y_new) {
-  const bd_model *model = stepper->model;
-  double most = 0.0;
-  for (int j = 0; j < model->lay.np; ++j) {
-    const double weight = stepper->weights[model->lay.omega + j];
-    if (weight > 0.0) {
-      const bd_resisting off =
-          bd_resistance_off_line(&stepper->plan, stepper->t + h, stepper->y, y_new, j);
-      const double stiff = g * off.slope / model->inertia[j];
-      const double hidden = fabs(stiff) / fmax(1.0, fabs(1.0 + stiff));
-      most = fmax(most, weight * h * fabs(off.torque) / model->inertia[j] * hidden);
-    }
-  }
-  most = fmax(most, bd_stepper_error_of_stops(stepper, y_new, g));
-  return stepper->fixed
-             ? most
-             : most / stepper->rtol * bd_method_tolerance(stepper->now, model, stepper->rtol);
+  const bd_step step = {.t = stepper->t + h,
+                        .h = h,
+                        .g = g,
+                        .y = stepper->y,
+                        .y_new = y_new,
+                        .weights = stepper->weights,
+                        .implicit = 1};
+  const double most = bd_plan_unseen(&stepper->plan, &step);
+  return stepper->fixed ? most
+                        : most / stepper->rtol *
+                              bd_method_tolerance(stepper->now, stepper->model, stepper->rtol);
 }
 
 int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle) {

@@ -111,7 +111,7 @@ const bd_method bd_method_lbdf2 = {.name = "lbdf2",
                                    .order = 2,
                                    .error_order = 3,
                                    .history = 2,
-                                   .aim_along = {39.0, 1.4},
+                                   .aim_smooth = {39.0, 1.4},
                                    LINEARLY_IMPLICIT};
 
 const bd_method bd_method_lie = {

@@ -41,7 +41,8 @@ const bd_method *bd_method_find(const char *name) {
 }
 
 static const double *aim_of(const bd_method *method, const bd_model *model) {
-  return model->along_links && method->aim_along[0] > 0.0 ? method->aim_along : method->aim;
+  return model->belt_model->facts.smooth && method->aim_smooth[0] > 0.0 ? method->aim_smooth
+                                                                        : method->aim;
 }
 
 /* Of methods that look back, differences of states say nothing below what rounding leaves of a
@@ -70,6 +71,5 @@ double bd_method_error(const bd_method *method, const bd_model *model, double lo
  * tension where 1e-4 is asked, for the friction of weakly damped waves chatters, with 86 % by 2e-4.
  */
 double bd_method_longest(const bd_method *method, const bd_model *model) {
-  const double share = model->lay.string ? 0.86 : 0.93;
-  return share * method->stability / model->info.spectral_bound;
+  return model->belt_model->facts.explicit_share * method->stability / model->info.spectral_bound;
 }

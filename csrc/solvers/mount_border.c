@@ -16,10 +16,6 @@ static bd_run *runs_of(const bd_newton_system *system, int j) {
   return system->at.runs + j * system->at.max_runs;
 }
 
-static int is_path(const bd_plan *plan, int m) {
-  return plan->model->mounts[m].kind == BD_MOUNT_PATH;
-}
-
 static double along(const bd_mount_tangent *at, const double force[2]) {
   return at->at.a[0] * force[0] + at->at.a[1] * force[1];
 }
@@ -37,8 +33,8 @@ static void sum_xy(const bd_newton_system *system, const bd_plan *plan, int m, c
                    double sum[2]) {
   const int j = plan->model->lay.mounted[m];
   for (int k = 0; k < 2; ++k) {
-    sum[k] = plan->kernels->newton->sum_runs(system->at.n_runs[j], runs_of(system, j),
-                                             array + k * plan->model->lay.stride);
+    sum[k] = system->kernels->sum_runs(system->at.n_runs[j], runs_of(system, j),
+                                       array + k * plan->model->lay.stride);
   }
 }
 
@@ -62,37 +58,28 @@ void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m,
   border->given_torque = turned - along(at, q);
 }
 
-/* Slope of the drag between pulley and arm. */
-static double drag_of(const bd_newton_system *system, const bd_plan *plan, int m) {
-  const int j = plan->model->lay.mounted[m];
-  return system->at.pulley_damping && bd_arm_of(plan->model, j) ? system->at.pulley_damping[j]
-                                                                : 0.0;
-}
-
 double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
-                      double g) {
+                      double g, double inertia) {
   const bd_layout *lay = &plan->model->lay;
   const int of_row = bd_is_mount_body(lay, row);
   const int m = (of_row ? row : column) - lay->np, j = lay->mounted[m];
   const int other = of_row ? column : row;
   const bd_mount_border *border = &system->mounts[m];
   const bd_mount_tangent *at = &system->at.mounts[m];
-  const double drag = g * drag_of(system, plan, m);
+  /* of the bearings that it turns, by its speed and by that of the shaft */
+  const double turning = plan->model->mounts[m].turning;
+  const double drag = system->at.pulley_damping ? g * turning * system->at.pulley_damping[j] : 0.0;
   /* the belt acts on the rim, drag on the shaft */
   const double belt =
       other == bd_belt_body(lay, j) ? of_row ? border->by_spin : border->torque : 0.0;
   if (!of_row) {
     return belt - (other == j ? drag : 0.0);
   }
-  if (is_path(plan, m)) {
-    return row == column;
-  }
   if (row != column) {
     return belt - (other == j ? drag : 0.0);
   }
   const double grip = g * g * at->friction * at->gain / (1.0 + g * at->decay);
-  return plan->mount_inertia[m] * (1.0 + g * system->at.mass_damping) +
-         g * (g * at->stiffness + at->damping) + grip + drag + border->own;
+  return inertia + g * (g * at->stiffness + at->damping) + grip + turning * drag + border->own;
 }
 
 void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, const double *c,
@@ -103,13 +90,13 @@ void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, cons
   const int j = lay->mounted[m], body = lay->np + m;
   const double g = system->stage.g, travel = c[lay->travel + m];
   const double *cq = bd_cfield(lay, c, F_X);
-  plan->kernels->newton->add_column(lay, system->at.n_runs[j], runs_of(system, j),
-                                    system->bodies[body].given, travel,
-                                    (double *const[]){system->x, system->y, system->p});
+  system->kernels->add_column(lay, system->at.n_runs[j], runs_of(system, j),
+                              system->bodies[body].given, travel,
+                              (double *const[]){system->x, system->y, system->p});
   *torque += border->given_torque * travel;
   double *rhs = &system->rhs[body];
   *rhs = g * c[lay->travel_speed + m];
-  if (!is_path(plan, m)) {
+  if (plan->model->mounts[m].row->moves) {
     const double grip = at->friction * c[lay->mount_friction + m] / (1.0 + g * at->decay);
     *rhs *= plan->mount_inertia[m];
     *rhs += bd_newton_row(system, plan, j, system->bodies[body].q,

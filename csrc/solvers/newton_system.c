@@ -12,10 +12,9 @@
  * so only velocities are left, links in 3 x 3 blocks round the ring and a border of one row and
  * column a shaft: (M - g F_v - g^2 F_q - ...) k_v = M b_v + g F_q b_q + ... The unknown angle of a
  * link is that of its end, half its length times phi, so that all blocks are masses. With W the
- * matrix on the left and Q = g^2 F_q, states eliminated, W k_v = g M c_v + Q c_q + ...: contact
- * along the links fills both as blocks of neighbouring nodes, and the rows of the bodies in both
- * (kernels/kernels.h); what solves is the same for every belt. The paper's mesh, whose contact
- * knows no neighbours, has loops of its own, which take less time.
+ * matrix on the left and Q = g^2 F_q, states eliminated, W k_v = g M c_v + Q c_q + ...: each belt
+ * fills both as blocks of neighbouring nodes, and the rows of the bodies in both
+ * (kernels/kernels.h); what solves is the same for every belt.
  *
  * Bodies of one degree of freedom are the shafts, one of each pulley, after them the mounts
  * (mount_border.c), and the rims and rings of couplings (physics/couplings.c). One whose motion is
@@ -29,9 +28,8 @@
  * Contact in the axes (n, t) of a link on its pulley (MODEL sections 3, 4): dN = -k_n dr_n - b dv_n
  * - (b v_t / rho) dr_t while pressed; of the friction force dF = F_N dN + F_z dz + F_v dv_T, by the
  * law's slopes (friction/laws.h); dF_n = dN + (F / rho) dr_t, dF_t = (N / rho) dr_t - dF, dv_T =
- * dv_t
- * - (v_n / rho) dr_t - omega dr_n - rho d omega, dtau = rho dF + F dr_n. With k_z put in, F_N and
- * F_v stand for F_N + F_z g gain_N / (1 + g decay) and F_v + F_z g gain / (1 + g decay). Kinks
+ * dv_t - (v_n / rho) dr_t - omega dr_n - rho d omega, dtau = rho dF + F dr_n. With k_z put in, F_N
+ * and F_v stand for F_N + F_z g gain_N / (1 + g decay) and F_v + F_z g gain / (1 + g decay). Kinks
  * (touching, pressed, those of the law) are taken as they stand at the state that is linearised.
  *
  * Guarded by tests/test_jacobian.py: differences of the right-hand side, of the oracle's, on both
@@ -48,10 +46,6 @@
  */
 static bd_run *runs_of(const bd_newton_system *system, int j) {
   return system->at.runs + j * system->at.max_runs;
-}
-
-static int along_links(const bd_plan *plan) {
-  return plan->model->along_links;
 }
 
 static int mount_of(const bd_plan *plan, int j) {
@@ -85,36 +79,20 @@ static int first_body(const bd_plan *plan) {
 
 static int count_bodies(const bd_plan *plan) {
   const bd_layout *lay = &plan->model->lay;
-  return plan->pulleys_locked ? lay->nm : lay->np + lay->nm + lay->nc;
+  return plan->pulleys_locked ? lay->nm : bd_count_bodies(lay);
 }
 
-static int is_prescribed(const bd_plan *plan, int body) {
+int bd_newton_is_prescribed(const bd_plan *plan, int body) {
   const int np = plan->model->lay.np;
   return body < np ? bd_is_moved(&plan->torques, body)
                    : bd_is_mount_body(&plan->model->lay, body) &&
-                         plan->model->mounts[body - np].kind == BD_MOUNT_PATH;
+                         !plan->model->mounts[body - np].row->moves;
 }
 
 /* The pulley at which the belt runs on this body, which is no mount; -1: it does not. */
 static int pulley_of(const bd_layout *lay, int body) {
   const int j = body < lay->np ? body : lay->coupled[body - lay->np - lay->nm];
   return bd_belt_body(lay, j) == body ? j : -1;
-}
-
-/* The inertia of a shaft or a rim, and what its own acceleration does to the forces on it. */
-static double body_inertia(const bd_newton_system *system, const bd_plan *plan, int body,
-                           double g) {
-  const bd_model *model = plan->model;
-  const bd_layout *lay = &model->lay;
-  const int shaft = body < lay->np, j = pulley_of(lay, body);
-  double inertia =
-      (shaft ? model->inertia[body] : model->couplings[body - lay->np - lay->nm].inertia) *
-          (1.0 + g * system->at.mass_damping) +
-      (j >= 0 ? system->own[j] : 0.0);
-  if (shaft && system->at.pulley_damping) {
-    inertia += g * system->at.pulley_damping[body];
-  }
-  return inertia;
 }
 
 /* A body's row times the velocities of the links. */
@@ -125,26 +103,30 @@ static double body_row(const bd_newton_system *system, const bd_plan *plan, int 
   if (j < 0) {
     return 0.0;
   }
-  if (along_links(plan)) {
-    return bd_newton_row(system, plan, j, system->bodies[body].w, (const double *[]){x, y, p});
-  }
-  return plan->kernels->newton->border_row(system->at.n_runs[j], runs_of(system, j),
-                                           &system->contact[j], x, y);
+  return bd_newton_row(system, plan, j, system->bodies[body].w, (const double *[]){x, y, p});
 }
 
-/* Of the small matrix of the bodies, but for what the links do. */
-static double body_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j,
-                         double g) {
+double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int i, int j, double g,
+                       double inertia) {
   const bd_layout *lay = &plan->model->lay;
   const int np = lay->np;
   if (bd_is_mount_body(lay, i) || bd_is_mount_body(lay, j)) {
-    return bd_mount_entry(system, plan, i, j, g);
+    return bd_mount_entry(system, plan, i, j, g, inertia);
   }
-  const int shafts = i < np && j < np;
+  const int shafts = i < np && j < np, pulley = i == j ? pulley_of(lay, i) : -1;
+  inertia += pulley >= 0 ? system->own[pulley] : 0.0;
+  if (i == j && shafts && system->at.pulley_damping) {
+    inertia += g * system->at.pulley_damping[i];
+  }
   const double torque =
       shafts ? system->by_omega[i * np + j] + g * system->by_theta[i * np + j] : 0.0;
-  return (i == j ? body_inertia(system, plan, i, g) : 0.0) - g * torque +
-         (lay->nc > 0 ? bd_coupling_entry(&system->at, plan->model, i, j, g) : 0.0);
+  double entry = inertia - g * torque;
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->entry) {
+      entry += plan->effects[e]->entry(&system->at, plan->model, i, j, g);
+    }
+  }
+  return entry;
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */
@@ -197,37 +179,51 @@ static void correct_bodies(const bd_newton_system *system, const bd_plan *plan, 
   const bd_layout *lay = &plan->model->lay;
   const int m = mount_of(plan, j);
   c[lay->rim[j]] += plan->pulleys_locked ? 0.0 : sums->torque / plan->model->rim_inertia[j];
-  if (m >= 0 && plan->model->mounts[m].kind != BD_MOUNT_PATH) {
+  if (m >= 0 && plan->model->mounts[m].row->moves) {
     const double *a = system->at.mounts[m].at.a;
     c[lay->travel_speed + m] -=
         (a[0] * sums->force[0] + a[1] * sums->force[1]) / plan->mount_inertia[m];
   }
 }
 
-/* The ring's blocks and the border, of belts whose blocks are assembled. */
-static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fill *fill) {
+void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
+                    double *c, double mass) {
   const bd_layout *lay = &plan->model->lay;
   const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const bd_newton_kernels *kernels = system->kernels;
   const bd_tangent *joints = &system->at.joints;
-  if (!lay->string) {
-    plan->kernels->gather_points(links, joints->cos, joints->sin, fill->y, &system->scratch.points);
+  const bd_fill fill = {y, g, h, c};
+  const double inv_half = 1.0 / links->half;
+  system->stage = (bd_stage){
+      .g = g,
+      .mass = mass,
+      .slender = 0.25 * plan->model->belt_model->facts.shear,
+      .k = g * (g * links->stiffness + links->damping),
+      .bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half,
+  };
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
+    memset(bd_newton_border(system, lay, body), 0,
+           (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
   }
-  kernels->fill_ring(links, joints, &system->stage, &system->ring_blocks, &system->blocks);
+  bd_close_links(lay, y);
+  if (plan->kernels->gather_points) {
+    plan->kernels->gather_points(links, joints->cos, joints->sin, y, &system->scratch.points);
+  }
+  kernels->fill_ring(links, joints, &system->stage, &system->blocks);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
     const int m = mount_of(plan, j);
     bd_axis axis;
     if (m >= 0) {
-      axis = bd_mount_axis(system, plan, m, fill->g);
+      axis = bd_mount_axis(system, plan, m, g);
     }
     const bd_fill_sums sums = kernels->fill_pulley[pulley->law](
-        links, joints, pulley, system->at.n_runs[j], runs_of(system, j), fill, &system->scratch,
+        links, joints, pulley, system->at.n_runs[j], runs_of(system, j), &fill, &system->scratch,
         &system->blocks, &system->slots[j], &system->bodies[bd_belt_body(lay, j)],
         m >= 0 ? &axis : NULL);
     system->own[j] = sums.own;
-    if (fill->c) {
-      correct_bodies(system, plan, j, &sums, fill->c);
+    if (c) {
+      correct_bodies(system, plan, j, &sums, c);
     }
     if (m >= 0) {
       bd_mount_border_add(system, plan, m, &axis);
@@ -235,68 +231,25 @@ static void assemble(bd_newton_system *system, const bd_plan *plan, const bd_fil
   }
 }
 
-/* The same of contact at the links' centres. */
-static void add_contact(bd_newton_system *system, const bd_plan *plan, const bd_fill *fill) {
-  const bd_layout *lay = &plan->model->lay;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
-  bd_blocks *b = &system->ring_blocks;
-  kernels->diagonal(&plan->links, &system->at.joints, &system->stage, b);
-  for (int j = 0; j < lay->np; ++j) {
-    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    const int n_runs = system->at.n_runs[j], form = bd_law_form(pulley->law);
-    const bd_run *runs = runs_of(system, j);
-    double *z = bd_newton_border(system, lay, bd_belt_body(lay, j));
-    kernels->linearise_contact[pulley->law](&plan->links, pulley, n_runs, runs, fill->y,
-                                            &system->contact[j], fill->c ? fill->h : 0.0);
-    if (fill->c) {
-      const bd_fill_sums sums = {
-          .torque = kernels->add_normal_correction[form](&plan->links, pulley, n_runs, runs,
-                                                         &system->contact[j], fill->c)};
-      correct_bodies(system, plan, j, &sums, fill->c);
-    }
-    system->own[j] = kernels->add_contact[form](pulley, n_runs, runs, &system->contact[j], fill->g,
-                                                b, z, z + lay->stride);
-  }
-}
-
 void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double g, double h,
                       double *c) {
-  const bd_model *model = plan->model;
-  const bd_layout *lay = &model->lay;
-  const bd_links *links = &plan->links;
-  bd_blocks *b = &system->ring_blocks;
-  double inv_half = 1.0 / links->half;
-  system->stage.g = g;
-  system->stage.mass = model->info.link_mass * (1.0 + g * system->at.mass_damping);
-  system->stage.slender = 0.25 * model->shear;
-  b->k = g * (g * links->stiffness + links->damping);
-  b->damping = g * g * links->damping;
-  b->bending = g * (g * links->bending + links->bending_damping) * inv_half * inv_half;
-  for (int body = 0; body < lay->np + lay->nm + lay->nc; ++body) {
-    memset(bd_newton_border(system, lay, body), 0,
-           (size_t)(3 * lay->stride - BD_HALO) * sizeof(double));
-  }
-  const int along = along_links(plan);
-  const bd_fill fill = {y, g, h, c};
-  if (along) {
-    bd_close_links(lay, y);
-    assemble(system, plan, &fill);
-  } else {
-    add_contact(system, plan, &fill);
-  }
-  system->ring_kernels->factor[along](&system->ring, b);
+  const bd_layout *lay = &plan->model->lay;
+  const double damped = 1.0 + g * system->at.mass_damping;
+  bd_newton_fill(system, plan, y, g, h, c, plan->model->info.link_mass * damped);
+  system->ring_kernels->factor(&system->ring, system->blocks.w);
   const int first = first_body(plan), n = count_bodies(plan);
   for (int j = 0; j < n; ++j) {
     double *z = bd_newton_border(system, lay, first + j);
-    system->ring_kernels->solve[along](&system->ring, b->k, z, z + lay->stride,
-                                       z + 2 * lay->stride);
+    system->ring_kernels->solve(&system->ring,
+                                (double *const[]){z, z + lay->stride, z + 2 * lay->stride});
     for (int i = 0; i < n; ++i) {
-      if (is_prescribed(plan, first + i)) {
+      if (bd_newton_is_prescribed(plan, first + i)) {
         system->matrix[i * n + j] = i == j;
         continue;
       }
+      const double inertia = i == j ? bd_freedom_of(plan, first + i).inertia * damped : 0.0;
       system->matrix[i * n + j] =
-          body_entry(system, plan, first + i, first + j, g) -
+          bd_newton_entry(system, plan, first + i, first + j, g, inertia) -
           body_row(system, plan, first + i, z, z + lay->stride, z + 2 * lay->stride);
     }
   }
@@ -305,8 +258,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
 
 /* --- solve ----------------------------------------------------------------------------------- */
 
-/* Behind the last node comes the first. */
-static void close_ring(const bd_layout *lay, double *c) {
+void bd_newton_close(const bd_layout *lay, double *c) {
   bd_close_links(lay, c);
   for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
     v[lay->n] = v[0];
@@ -324,19 +276,19 @@ static void clear_behind(const bd_layout *lay, double *c) {
 
 double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
                      const double *const *v) {
-  return plan->kernels->newton->row_runs(&plan->model->lay, system->at.n_runs[j],
-                                         runs_of(system, j), row, v);
+  return system->kernels->row_runs(&plan->model->lay, system->at.n_runs[j], runs_of(system, j), row,
+                                   v);
 }
 
-/* Right-hand sides of the ring and of the bodies by what c has of positions and states. */
-static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
+void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c) {
   const bd_layout *lay = &plan->model->lay;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
+  const bd_newton_kernels *kernels = system->kernels;
   const double g = system->stage.g, m = g / plan->links.inv_mass;
   const double mass[3] = {m, m, m * plan->links.half / system->stage.slender};
   double *const r[3] = {system->x, system->y, system->p};
   const double *cq = bd_cfield(lay, c, F_X);
-  close_ring(lay, c);
+  memset(system->rhs, 0, (size_t)bd_count_bodies(lay) * sizeof *system->rhs);
+  bd_newton_close(lay, c);
   kernels->blocks_product(lay, system->blocks.q, cq, bd_cfield(lay, c, F_VX), mass, r);
   for (int j = 0; j < lay->np; ++j) {
     const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
@@ -345,45 +297,52 @@ static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
     if (pulley->law != BD_LAW_NONE) {
       const double *cz = bd_cfield(lay, c, bd_f_state(lay, pulley->slot));
       kernels->states_product(lay, &system->at.joints, system->at.n_runs[j], runs_of(system, j),
-                              pulley->states, &system->slots[j], cz, r, sums);
-      sums[0] += bd_newton_row(system, plan, j, system->bodies[body].q,
-                               (const double *[]){cq, cq + lay->stride, cq + 2 * lay->stride});
+                              pulley->states, &system->slots[j], cz, system->bodies[body].q, cq, r,
+                              sums);
     }
     system->rhs[body] = sums[0];
     if (mount_of(plan, j) >= 0) {
       bd_mount_product(system, plan, mount_of(plan, j), c, sums + 1, &system->rhs[body]);
     }
   }
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->product) {
+      plan->effects[e]->product(&system->at, plan->model, g, c, system->rhs);
+    }
+  }
+}
+
+void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
+  const bd_layout *lay = &plan->model->lay;
+  bd_newton_close(lay, c);
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
+    if (pulley->law == BD_LAW_NONE) {
+      continue;
+    }
+    const int m = mount_of(plan, j);
+    double move[4];
+    system->kernels->restore_states(
+        lay, system->at.n_runs[j], runs_of(system, j), pulley->states, &system->slots[j],
+        plan->links.link_mask, plan->pulleys_locked ? 0.0 : system->rhs[bd_belt_body(lay, j)],
+        m >= 0 ? bd_mount_move(system, plan, m, c, move) : NULL, bd_cfield(lay, c, F_X),
+        bd_cfield(lay, c, F_VX), bd_field(lay, c, bd_f_state(lay, pulley->slot)),
+        bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
+  }
 }
 
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
-  const bd_links *links = &plan->links;
-  const bd_newton_kernels *kernels = plan->kernels->newton;
   const double g = system->stage.g;
   const int first = first_body(plan), n = count_bodies(plan);
   double *x = system->x, *y = system->y, *p = system->p, *rhs = system->rhs;
-  const int along = along_links(plan);
-  memset(rhs, 0, (size_t)(lay->np + lay->nm + lay->nc) * sizeof *rhs);
-  if (along) {
-    product(system, plan, c);
-  } else {
-    kernels->joints_product(links, &system->at.joints, &system->stage, c, x, y, p);
-  }
-  for (int j = 0; !along && j < lay->np; ++j) {
-    rhs[bd_belt_body(lay, j)] =
-        kernels->contact_product(lay, &system->at.contact_pulleys[j], system->at.n_runs[j],
-                                 runs_of(system, j), &system->contact[j], c, x, y);
-  }
-  if (lay->nc > 0 && !plan->pulleys_locked) {
-    bd_coupling_product(&system->at, model, g, c, rhs);
-  }
-  system->ring_kernels->solve[along](&system->ring, system->ring_blocks.k, x, y, p);
+  bd_newton_product(system, plan, c);
+  system->ring_kernels->solve(&system->ring, (double *const[]){x, y, p});
   for (int body = first; body < first + n; ++body) {
     const int j = body < lay->np ? body : -1;
-    if (is_prescribed(plan, body)) {
-      rhs[body] = g * (j >= 0 ? c[lay->omega + j] : c[lay->travel_speed + body - lay->np]);
+    if (bd_newton_is_prescribed(plan, body)) {
+      rhs[body] = g * c[bd_freedom_of(plan, body).speed];
       continue;
     }
     if (j >= 0) {
@@ -395,44 +354,23 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     rhs[body] -= body_row(system, plan, body, x, y, p);
   }
   substitute(n, system->matrix, system->pivots, rhs + first);
-  kernels->finish_nodes(links, &system->stage, n, bd_newton_border(system, lay, first), rhs + first,
-                        x, y, p, c);
+  system->kernels->finish_nodes(&plan->links, &system->stage, n,
+                                bd_newton_border(system, lay, first), rhs + first, x, y, p, c);
   for (int m = 0; m < lay->nm; ++m) {
     bd_mount_finish(system, plan, m, rhs[lay->np + m], c);
   }
-  if (lay->nc > 0 && !plan->pulleys_locked) {
-    bd_coupling_finish(&system->at, model, g, rhs, c);
-  }
-  if (along) {
-    close_ring(lay, c);
+  for (int e = 0; e < plan->n_effects; ++e) {
+    if (plan->effects[e]->finish) {
+      plan->effects[e]->finish(&system->at, model, g, rhs, c);
+    }
   }
   for (int j = 0; j < lay->np; ++j) {
-    double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
+    const double angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[j];
     c[lay->theta + j] = plan->pulleys_locked ? 0.0 : g * (c[lay->theta + j] + angular_acceleration);
     c[lay->omega + j] = angular_acceleration;
-    angular_acceleration = plan->pulleys_locked ? 0.0 : rhs[bd_belt_body(lay, j)];
-    const bd_contact_pulley *pulley = &system->at.contact_pulleys[j];
-    if (pulley->law == BD_LAW_NONE) {
-      continue;
-    }
-    const int n_runs = system->at.n_runs[j];
-    if (along) {
-      double move[4];
-      kernels->restore_states(
-          lay, n_runs, runs_of(system, j), pulley->states, &system->slots[j], links->link_mask,
-          angular_acceleration,
-          mount_of(plan, j) >= 0 ? bd_mount_move(system, plan, mount_of(plan, j), c, move) : NULL,
-          bd_cfield(lay, c, F_X), bd_cfield(lay, c, F_VX),
-          bd_field(lay, c, bd_f_state(lay, pulley->slot)),
-          bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
-    } else {
-      kernels->finish_contact[bd_law_form(pulley->law)](
-          lay, pulley, n_runs, runs_of(system, j), &system->contact[j], g, angular_acceleration, c);
-    }
   }
-  if (along) {
-    clear_behind(lay, c);
-  }
+  bd_newton_restore(system, plan, c);
+  clear_behind(lay, c);
   for (int k = 0; k < lay->n_work; ++k) {
     c[lay->work + k] = 0.0; /* the ledger follows the steps (implicit.c) */
   }

@@ -56,7 +56,7 @@ const bd_method bd_method_rodas4 = {
     .adaptive = 1,
     .growth = 5.0,
     .aim = {10.0, 1.0},
-    .aim_along = {70.0, 1.0},
+    .aim_smooth = {70.0, 1.0},
     .cost = {3.00, 0.150},
     BD_ROSENBROCK(&coefficients),
 };

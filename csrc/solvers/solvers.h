@@ -5,7 +5,7 @@
 #ifndef BELTDYN_SOLVERS_H
 #define BELTDYN_SOLVERS_H
 
-#include "physics/physics.h"
+#include "belts/belts.h"
 
 /* --- newton_system.c ------------------------------------------------------------------------- */
 
@@ -17,18 +17,16 @@ typedef struct bd_mount_border {
 } bd_mount_border;
 
 typedef struct bd_newton_system {
-  const bd_newton_kernels *ring_kernels;
+  const bd_newton_kernels *kernels, *ring_kernels;
   bd_ring ring;
   bd_derivatives at; /* the effects', at the state */
-  bd_blocks ring_blocks;
   bd_stage stage;
-  double *x, *y, *p;           /* right-hand side and solution of the ring, with halo */
-  double *border;              /* per shaft, then per mount: its column, solved by the ring */
-  bd_contact_tangent *contact; /* per pulley, of contact at the links' centres; or along them: */
+  double *x, *y, *p; /* right-hand side and solution of the ring, with halo */
+  double *border;    /* per shaft, then per mount: its column, solved by the ring */
   bd_assembled blocks;
-  bd_contact_scratch scratch;
-  bd_slot *slots;  /* per pulley */
-  bd_body *bodies; /* per shaft, then per mount */
+  bd_contact_scratch scratch; /* of contact along the links */
+  bd_slot *slots;             /* per pulley */
+  bd_body *bodies;            /* per shaft, then per mount */
   bd_mount_border *mounts;
   double *own, *rhs, *matrix;
   int *pivots;
@@ -52,6 +50,20 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
 /* c, laid out as a state, becomes k: (1 - g J) k = g c. */
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c);
 
+/* The parts of which these are made, for jacobian.c. Blocks and border for links of this mass; the
+ * right-hand side of ring and bodies, g M c_v + Q c_q and what given states are worth; states of
+ * friction and slip where all else is solved, of bodies the speeds in rhs; a body's entry of W, of
+ * which `inertia` is M's. */
+void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
+                    double *c, double mass);
+void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c);
+void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c);
+double bd_newton_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
+                       double g, double inertia);
+int bd_newton_is_prescribed(const bd_plan *plan, int body);
+/* Behind the last node comes the first, before the first the last. */
+void bd_newton_close(const bd_layout *lay, double *c);
+
 /* Whether a body, shafts first, then mounts, then rims and rings of couplings, is a mount. */
 static inline int bd_is_mount_body(const bd_layout *lay, int body) {
   return body >= lay->np && body < lay->np + lay->nm;
@@ -63,9 +75,25 @@ static inline double *bd_newton_border(const bd_newton_system *system, const bd_
   return system->border + (size_t)(3 * body) * (size_t)lay->stride + BD_HALO;
 }
 
-/* A row of a body times vectors by node, where contact along the links with pulley j is near. */
+/* A row of a body times vectors by node, where pulley j is near. */
 double bd_newton_row(const bd_newton_system *system, const bd_plan *plan, int j, const double *row,
                      const double *const *v);
+
+/* --- jacobian.c ------------------------------------------------------------------------------ */
+
+/* Entries of J that are not 0, each once, counted in n; values NULL: only counted. place: of an
+ * entry of the state vector, its number among the unknowns. */
+typedef struct bd_entries {
+  const int *place;
+  size_t n;
+  int64_t *rows, *columns;
+  double *values;
+} bd_entries;
+
+/* At a state that has been linearised, which sets the system up for another g; torques constant,
+ * pulleys not locked. c: scratch, laid out as a state. */
+void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, double *c,
+                       bd_entries *to);
 
 /* --- mount_border.c -------------------------------------------------------------------------- */
 
@@ -75,7 +103,7 @@ void bd_mount_border_add(bd_newton_system *system, const bd_plan *plan, int m, c
 /* Entry of the small matrix of which a mount is row or column, but for what the links do; bodies
  * are counted shafts first. */
 double bd_mount_entry(const bd_newton_system *system, const bd_plan *plan, int row, int column,
-                      double g);
+                      double g, double inertia);
 /* What c says of a mount, added to the right-hand side of links, to the torque of its pulley, and
  * as its own; states: the force on the belt of the given states of friction. */
 void bd_mount_product(bd_newton_system *system, const bd_plan *plan, int m, const double *c,
@@ -98,21 +126,21 @@ enum { MAX_HISTORY = 2 }; /* earlier states that a multistep method may look bac
  * the mean tension, as rtol asks, measured with benchmarks/calibration.py: damping out the belt's
  * vibration, as methods of low order do, is an error that adds up over time, so they need local
  * errors that go with the square. Contact along the links has no jumps, and there errors of calm
- * drives come out smaller: aim_along. cost: measured with benchmarks/kernels.py. */
+ * drives come out smaller: aim_smooth. cost: measured with benchmarks/kernels.py. */
 typedef struct bd_method {
   const char *name;
   int implicit;
   int order;
-  int error_order;     /* local errors go with this power of the step */
-  int vectors;         /* of the size of the state, in bd_stepper.stage */
-  int history;         /* earlier states it looks back on */
-  int adaptive;        /* its errors can set its step */
-  int may_be_fixed;    /* bd_options.step is the step, not the first one */
-  double stability;    /* limit of h |lambda|; 0: none */
-  double growth;       /* of the step, at most */
-  double aim[2];       /* local errors are held below aim[0] rtol^aim[1] */
-  double aim_along[2]; /* the same where contact is along the links; 0: as aim */
-  double cost[2];      /* microseconds of a step and of a link in it, measured; only ratios count */
+  int error_order;      /* local errors go with this power of the step */
+  int vectors;          /* of the size of the state, in bd_stepper.stage */
+  int history;          /* earlier states it looks back on */
+  int adaptive;         /* its errors can set its step */
+  int may_be_fixed;     /* bd_options.step is the step, not the first one */
+  double stability;     /* limit of h |lambda|; 0: none */
+  double growth;        /* of the step, at most */
+  double aim[2];        /* local errors are held below aim[0] rtol^aim[1] */
+  double aim_smooth[2]; /* the same where contact is along the links; 0: as aim */
+  double cost[2]; /* microseconds of a step and of a link in it, measured; only ratios count */
   /* A step of length h from stepper->y into stepper->y_new; *error: its estimate over the weights,
    * infinite if a number is not finite. */
   int (*attempt)(bd_stepper *stepper, double h, double *error);
@@ -219,9 +247,6 @@ void bd_stepper_weigh_friction(bd_stepper *stepper);
 int bd_stepper_rate(bd_stepper *stepper, double t, double *y, double *dy);
 /* The rate at y, where it is not known yet, into stage[0]. */
 int bd_stepper_ensure_rate(bd_stepper *stepper);
-/* What mounts that meet a stop or leave it within a step do at its end, with g = h, or as far as a
- * linear system with g leaves it out: as an error. */
-double bd_stepper_error_of_stops(const bd_stepper *stepper, const double *y_new, double g);
 /* Longest step that the method in use is allowed to make, h at most. */
 double bd_stepper_longest(const bd_stepper *stepper, double h);
 /* Goes on from the finished step of length h: y_new becomes y, y the first state of the history,
@@ -245,7 +270,7 @@ void bd_implicit_add_torque_by_time(const bd_stepper *stepper, double *c, double
  * back. */
 int bd_implicit_prescribe(bd_stepper *stepper, double h, double g, double *c);
 /* What a linear system with g hides from the error estimate of a step of length h: y_new, at its
- * end or of its last stage, is off the line along which drag, loads and stops were linearised. */
+ * end or of its last stage, is off the line along which effects were linearised. */
 double bd_implicit_hidden_error(const bd_stepper *stepper, double h, double g, const double *y_new);
 /* At the end of a step: its ledger (middle: with the power in the step's middle), the next rate. */
 int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle);
@@ -289,16 +314,5 @@ void bd_torque_functions_check_sample(bd_stepper *stepper, double t, double h);
 /* The pulley whose torque function moves its speed by what errors may be, from one step to the
  * next; -1: none. */
 int bd_torque_functions_jumping(const bd_stepper *stepper);
-
-/* --- stiffness.c ----------------------------------------------------------------------------- */
-
-typedef struct bd_stiffness {
-  double bound;     /* of |lambda| [1/s], everything together */
-  const char *what; /* has the most to do with it */
-  int pulley;       /* and which pulley, -1: none in particular */
-} bd_stiffness;
-
-/* set: may be NULL. */
-bd_stiffness bd_stiffness_of(const bd_model *model, const bd_torque_set *set);
 
 #endif

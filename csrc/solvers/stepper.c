@@ -96,19 +96,6 @@ int bd_stepper_ensure_rate(bd_stepper *stepper) {
   return code;
 }
 
-double bd_stepper_error_of_stops(const bd_stepper *stepper, const double *y_new, double g) {
-  double most = 0.0;
-  for (int m = 0; m < stepper->model->lay.nm; ++m) {
-    const double faster = bd_stop_off_line(&stepper->plan, stepper->y, y_new, m, g);
-    most = fmax(most, stepper->weights[stepper->model->lay.travel_speed + m] * fabs(faster));
-  }
-  for (int c = 0; c < stepper->model->lay.nc; ++c) {
-    const double faster = bd_clutch_off_line(&stepper->plan, stepper->y, y_new, c, g);
-    most = fmax(most, stepper->weights[stepper->model->lay.rim_speed + c] * fabs(faster));
-  }
-  return most;
-}
-
 double bd_stepper_longest(const bd_stepper *stepper, double h) {
   const double MOST_LOOKS = 1000.0; /* in a step, between two answers to Ctrl-C */
   if (!stepper->fixed && stepper->method->stability > 0.0) {

@@ -7,6 +7,7 @@
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "check.h"
 #include "kernels/kernels.h"
@@ -19,6 +20,8 @@ enum { LINKS = 13, PULLEYS = 3, STRIDE = BD_HALO + 16, THETA = 8 * STRIDE, SIZE 
 static const double tolerance = 1e-13;
 
 static const bd_layout layout = {.n = LINKS,
+                                 .fields = 63, /* all of the links' */
+                                 .block = {0, 1, 2, 3, 4, 5, 6},
                                  .n8 = 16,
                                  .np = PULLEYS,
                                  .slots = 1,
@@ -137,33 +140,79 @@ static void sums_of_any_number_of_vectors(void) {
 
 /* --- the ring's linear system ---------------------------------------------------------------- */
 
-enum { MOST = 240, PADDED = MOST + 2 * BD_HALO };
+enum { MOST = 500, MOST_SIZE = 4, BLOCK = 16, PADDED = MOST + 2 * BD_HALO };
+enum { BACK = BLOCK, FORWARD = 2 * BLOCK, ENTRIES = 3 * BLOCK };
 
-/* A ring of n blocks of 3 x 3, or of 2 x 2 (string), with all that couples them in arrays. */
+/* A ring of n blocks of size x size, with all that couples them in arrays: its own block, and those
+ * of the couplings to the block behind and from that one to it. Equations and unknowns are measured
+ * in units of their own, those of a node's equations the same. */
 typedef struct ring_case {
-  int n, string;
-  double entries[27][PADDED]; /* diagonal, back, forward: 9 each */
-  double tiles[27 * PADDED], right[3][PADDED], x[3][PADDED];
+  int n, size;
+  double entries[ENTRIES][PADDED], tiles[ENTRIES * PADDED];
+  double right[MOST_SIZE][PADDED], x[MOST_SIZE][PADDED];
+  double equation[PADDED], unit[MOST_SIZE][PADDED];
 } ring_case;
 
-static int unknowns_of(const ring_case *c) {
-  return c->string ? 2 : 3;
+/* Rings of 4 x 4 blocks at the levels of this program (ring4.c). */
+extern const bd_newton_kernels bd_ring4_baseline;
+#ifdef BD_X86_LEVELS
+extern const bd_newton_kernels bd_ring4_avx2, bd_ring4_avx512;
+#endif
+
+static const bd_newton_kernels *ring_of(const bd_kernels *level, int size) {
+  if (size < 4) {
+    return level[size == 3 ? BD_BELT_MODEL_joint : BD_BELT_MODEL_string].newton;
+  }
+#ifdef BD_X86_LEVELS
+  if (strcmp(level->level, "avx2") == 0) {
+    return &bd_ring4_avx2;
+  }
+  if (strcmp(level->level, "avx512") == 0) {
+    return &bd_ring4_avx512;
+  }
+#endif
+  return &bd_ring4_baseline;
 }
 
 /* Entries of the couplings up to 1, of either sign; of a row those are at most 3 times as many as
  * the unknowns of a block, and its diagonal is twice as large as their sum can be. */
-static void make_ring(ring_case *c, int n, int string) {
+static void make_ring(ring_case *c, int n, int size) {
   c->n = n;
-  c->string = string;
-  const int size = unknowns_of(c);
+  c->size = size;
   for (int i = 0; i < n; ++i) {
     const int at = BD_HALO + i;
-    for (int e = 0; e < 27; ++e) {
+    for (int e = 0; e < ENTRIES; ++e) {
       const int on_diagonal = e < size * size && e % (size + 1) == 0;
       c->entries[e][at] = next_number() + (on_diagonal ? 2.0 * 3 * size : 0.0);
     }
-    for (int u = 0; u < 3; ++u) {
+    for (int u = 0; u < size; ++u) {
       c->right[u][at] = c->x[u][at] = next_number();
+      c->unit[u][at] = 1.0;
+    }
+    c->equation[at] = 1.0;
+  }
+}
+
+/* The equations of every node, and every unknown, in a unit of its own, from 1e-6 to 1e6. Pivots do
+ * not see that: they are sought among the equations of a node, in one column. */
+static void scale_ring(ring_case *c) {
+  const int size = c->size, n = c->n;
+  for (int i = 0; i < n; ++i) {
+    c->equation[BD_HALO + i] = pow(10.0, 6.0 * next_number());
+    for (int u = 0; u < size; ++u) {
+      c->unit[u][BD_HALO + i] = pow(10.0, 6.0 * next_number());
+    }
+  }
+  for (int i = 0; i < n; ++i) {
+    const int at = BD_HALO + i, behind = BD_HALO + (i + n - 1) % n;
+    for (int e = 0; e < size * size; ++e) {
+      const int v = e % size;
+      c->entries[e][at] *= c->equation[at] / c->unit[v][at];
+      c->entries[BACK + e][at] *= c->equation[at] / c->unit[v][behind];
+      c->entries[FORWARD + e][at] *= c->equation[behind] / c->unit[v][at];
+    }
+    for (int u = 0; u < size; ++u) {
+      c->right[u][at] = c->x[u][at] *= c->equation[at];
     }
   }
 }
@@ -177,13 +226,13 @@ static void exchange(double *a, double *b) {
 /* The equations of x and y of every other link take each other's places, and the entries xx that
  * this gives are 0: the same unknowns, but those that contact leaves no stiffness of its own. */
 static void exchange_equations(ring_case *c) {
-  const int size = unknowns_of(c);
+  const int size = c->size;
   for (int i = 1; i < c->n; i += 2) {
     const int at = BD_HALO + i, ahead = BD_HALO + (i + 1) % c->n;
     for (int v = 0; v < size; ++v) {
       exchange(&c->entries[v][at], &c->entries[size + v][at]);
-      exchange(&c->entries[9 + v][at], &c->entries[9 + size + v][at]);
-      exchange(&c->entries[18 + v][ahead], &c->entries[18 + size + v][ahead]);
+      exchange(&c->entries[BACK + v][at], &c->entries[BACK + size + v][at]);
+      exchange(&c->entries[FORWARD + v][ahead], &c->entries[FORWARD + size + v][ahead]);
     }
     c->entries[0][at] = 0.0;
     exchange(&c->right[0][at], &c->right[1][at]);
@@ -194,37 +243,39 @@ static void exchange_equations(ring_case *c) {
 /* Row i of the matrix, block by block, its columns wrapped round the ring; entries are added, for
  * in a short ring several blocks may be in one place. */
 static void dense_row(const ring_case *c, int i, int u, double *row) {
-  const int size = unknowns_of(c), n = c->n;
+  const int size = c->size, n = c->n;
   memset(row, 0, (size_t)(size * n) * sizeof *row);
   for (int v = 0; v < size; ++v) {
     const int e = size * u + v, behind = (i + n - 1) % n, ahead = (i + 1) % n;
     row[size * i + v] += c->entries[e][BD_HALO + i];
-    row[size * behind + v] += c->entries[9 + e][BD_HALO + i];
-    row[size * ahead + v] += c->entries[18 + e][BD_HALO + ahead];
+    row[size * behind + v] += c->entries[BACK + e][BD_HALO + i];
+    row[size * ahead + v] += c->entries[FORWARD + e][BD_HALO + ahead];
   }
 }
 
 static void solve_ring(ring_case *c, const bd_kernels *level) {
-  const bd_newton_kernels *kernels = c->string ? level->string->newton : level->newton;
-  const int size = unknowns_of(c), d2 = size * size;
+  const bd_newton_kernels *kernels = ring_of(level, c->size);
+  const int d2 = c->size * c->size;
   for (int i = 0; i < c->n; ++i) {
     double *tile = c->tiles + i / BD_LANES * (3 * d2 * BD_LANES) + i % BD_LANES;
     for (int e = 0; e < d2; ++e) { /* back, diagonal, and ahead, which stands with the one ahead */
-      tile[e * BD_LANES] = c->entries[9 + e][BD_HALO + i];
+      tile[e * BD_LANES] = c->entries[BACK + e][BD_HALO + i];
       tile[(d2 + e) * BD_LANES] = c->entries[e][BD_HALO + i];
-      tile[(2 * d2 + e) * BD_LANES] = c->entries[18 + e][BD_HALO + (i + 1) % c->n];
+      tile[(2 * d2 + e) * BD_LANES] = c->entries[FORWARD + e][BD_HALO + (i + 1) % c->n];
     }
   }
-  const bd_blocks b = {.tiles = c->tiles, .n = c->n};
   bd_ring ring;
   bd_carver carver = {0};
   bd_ring_carve(&carver, &ring, kernels, c->n);
   void *memory = bd_block_new(carver.used);
   carver = (bd_carver){.base = memory};
   bd_ring_carve(&carver, &ring, kernels, c->n);
-  double *x = c->x[0] + BD_HALO, *y = c->x[1] + BD_HALO, *p = c->x[2] + BD_HALO;
-  kernels->factor[1](&ring, &b);
-  kernels->solve[1](&ring, 0.0, x, y, p);
+  kernels->factor(&ring, c->tiles);
+  double *x[MOST_SIZE];
+  for (int u = 0; u < c->size; ++u) {
+    x[u] = c->x[u] + BD_HALO;
+  }
+  kernels->solve(&ring, x);
   bd_block_free(memory);
 }
 
@@ -232,10 +283,11 @@ static void solve_ring(ring_case *c, const bd_kernels *level) {
  * nothing larger than the largest entries, of a matrix whose diagonal is twice the sum of the
  * others (make_ring) or that is symmetric and positive definite (make_bars). A row's entries and
  * right-hand side go through some 20 roundings, each 2^-53 of |A| |x| at most; nothing is lost to a
- * ratio of stiffnesses, or by the order in which the equations of x and y of a link are written. */
+ * ratio of stiffnesses, by the order in which the equations of x and y of a link are written, or by
+ * the units in which each is measured: with those taken out again the same is left. */
 static void check_ring(const bd_kernels *kernels, ring_case *c) {
-  const int size = unknowns_of(c), all = size * c->n;
-  double row[3 * MOST], norm = 0.0, largest_x = 0.0, worst = 0.0;
+  const int size = c->size, all = size * c->n;
+  double row[MOST_SIZE * MOST], norm = 0.0, largest_x = 0.0, worst = 0.0;
   solve_ring(c, kernels);
   for (int i = 0; i < all; ++i) {
     const int u = i % size, at = BD_HALO + i / size;
@@ -243,12 +295,12 @@ static void check_ring(const bd_kernels *kernels, ring_case *c) {
     dense_row(c, i / size, u, row);
     for (int j = 0; j < all; ++j) {
       left -= row[j] * c->x[j % size][BD_HALO + j / size];
-      sum += fabs(row[j]);
+      sum += fabs(row[j]) * c->unit[j % size][BD_HALO + j / size];
     }
     CHECK(isfinite(left));
-    norm = fmax(norm, sum);
-    worst = fmax(worst, fabs(left));
-    largest_x = fmax(largest_x, fabs(c->x[u][at]));
+    norm = fmax(norm, sum / c->equation[at]);
+    worst = fmax(worst, fabs(left) / c->equation[at]);
+    largest_x = fmax(largest_x, fabs(c->x[u][at]) / c->unit[u][at]);
   }
   CHECK(largest_x > 0.001);
   CHECK(worst <= 10.0 * DBL_EPSILON * norm * largest_x);
@@ -257,7 +309,7 @@ static void check_ring(const bd_kernels *kernels, ring_case *c) {
 /* A taut string in a circle as a long step sees it: unit masses, bars whose stiffness along them is
  * 1e6 and across them, from their tension, 1e3. */
 static void make_bars(ring_case *c, int n) {
-  make_ring(c, n, 1);
+  make_ring(c, n, 2);
   memset(c->entries, 0, sizeof c->entries);
   for (int i = 0; i < n; ++i) {
     const double angle = 2.0 * BD_PI * i / n, ux = cos(angle), uy = sin(angle);
@@ -266,30 +318,33 @@ static void make_bars(ring_case *c, int n) {
       const double one = e % 3 == 0 ? 1.0 : 0.0, bar = 1e6 * u[e] + 1e3 * (one - u[e]);
       c->entries[e][BD_HALO + i] += one + bar;
       c->entries[e][BD_HALO + (i + n - 1) % n] += bar;
-      c->entries[9 + e][BD_HALO + i] = c->entries[18 + e][BD_HALO + i] = -bar;
+      c->entries[BACK + e][BD_HALO + i] = c->entries[FORWARD + e][BD_HALO + i] = -bar;
     }
   }
 }
 
-/* Every length from 3 links (the shortest belt) or one link an arc on to 33, then longer ones: arcs
- * of the same and of different lengths. Of links and of strings, in two orders; and stiff strings.
- */
+/* Every length from 3 nodes (the shortest belt) or one node an arc on to 33, then longer ones: arcs
+ * of the same and of different lengths. Of 2, 3 and 4 unknowns a node, in two orders, and badly
+ * scaled; and stiff strings. */
 static void rings_are_solved(void) {
+  enum { PLAIN, EXCHANGED, SCALED, KINDS };
   const int longer[] = {33, 60, 61, MOST};
   ring_case *c = bd_block_new(sizeof *c);
   for (int k = 0; k < LEVELS; ++k) {
     const bd_kernels *kernels = level_at(k);
-    for (int kind = 0; kernels && kind < 5; ++kind) {
+    for (int kind = 0; kernels && kind <= 3 * KINDS; ++kind) {
       const int least = kernels->newton->width > 3 ? kernels->newton->width : 3;
-      for (int m = kind < 4 ? least - 33 : 0; m < 4; ++m) {
+      for (int m = kind < 3 * KINDS ? least - 33 : 0; m < 4; ++m) {
         const int n = m < 0 ? 33 + m : longer[m];
-        if (kind < 4) {
-          make_ring(c, n, kind % 2);
-        } else {
+        if (kind == 3 * KINDS) {
           make_bars(c, n);
+        } else {
+          make_ring(c, n, 2 + kind % 3);
         }
-        if (kind == 2 || kind == 3) {
+        if (kind / 3 == EXCHANGED) {
           exchange_equations(c);
+        } else if (kind / 3 == SCALED) {
+          scale_ring(c);
         }
         check_ring(kernels, c);
       }

@@ -171,16 +171,14 @@ static void edit_parameter(drive *d, bytes *in) {
   const bd_parameter *row = &bd_parameters[((byte(in) << 8) + byte(in)) % bd_n_parameters];
   const size_t j = below(in, MOST_PULLEYS);
   bd_friction *law = byte(in) % 2 ? &d->friction : &d->own[j];
-  void *record = strcmp(row->group, "belt") == 0      ? (void *)&d->scene.belt
-                 : strcmp(row->group, "contact") == 0 ? (void *)&d->scene.contact
-                 : strcmp(row->group, "pulley") == 0  ? (void *)&d->pulleys[j]
-                 : strcmp(row->group, "drag") == 0    ? (void *)&d->pulleys[j].drag
-                 : strcmp(row->group, "arm") == 0 && d->mounts[j].kind == BD_MOUNT_ARM
-                     ? (void *)&d->mounts[j].arm
-                 : strcmp(row->group, "slider") == 0 && d->mounts[j].kind == BD_MOUNT_SLIDER
-                     ? (void *)&d->mounts[j].slider
-                 : bd_law_find(row->group) == law->law ? (void *)&law->dahl
-                                                       : NULL;
+  const char *guide, *kind = bd_mount_name(d->mounts[j].kind, &guide);
+  void *record = strcmp(row->group, "belt") == 0         ? (void *)&d->scene.belt
+                 : strcmp(row->group, "contact") == 0    ? (void *)&d->scene.contact
+                 : strcmp(row->group, "pulley") == 0     ? (void *)&d->pulleys[j]
+                 : strcmp(row->group, "drag") == 0       ? (void *)&d->pulleys[j].drag
+                 : kind && strcmp(row->group, kind) == 0 ? (void *)&d->mounts[j].numbers
+                 : bd_law_find(row->group) == law->law   ? (void *)&law->dahl
+                                                         : NULL;
   if (!record) {
     return;
   }
@@ -211,14 +209,15 @@ static void edit_mount(drive *d, bytes *in) {
   *mount = (bd_mount){.kind = (int)below(in, 4)};
   const double *center = d->pulleys[j].center;
   if (mount->kind == BD_MOUNT_ARM) {
-    mount->arm =
+    mount->numbers =
         (bd_arm){.inertia = 0.01, .mass = 0.2, .stiffness = 50, .preload = 20, .damping = 1};
   } else if (mount->kind == BD_MOUNT_SLIDER) {
-    mount->slider = (bd_slider){.mass = 1, .stiffness = 1e5, .preload = 1000, .damping = 100};
+    mount->numbers = (bd_slider){.mass = 1, .stiffness = 1e5, .preload = 1000, .damping = 100};
   }
   for (int k = 0; k < 2; ++k) {
-    mount->pivot[k] = center[k] + number(in, k ? 0.1 : -0.08);
-    mount->direction[k] = number(in, k ? -1.0 : 0.7);
+    const double pivot = center[k] + number(in, k ? 0.1 : -0.08);
+    const double direction = number(in, k ? -1.0 : 0.7);
+    mount->guide[k] = mount->kind == BD_MOUNT_ARM ? pivot : direction;
   }
   mount->n_t = below(in, MOST_TIMES + 1);
   mount->t = d->path_t;
@@ -430,12 +429,8 @@ static void read_drive(drive *d, bytes *in) {
 /* --- states, in blocks of just their size ---------------------------------------------------- */
 
 static size_t state_sizes(const bd_info *info, size_t sizes[16]) {
-  const size_t n_b = (size_t)info->n_bodies;
-  const size_t LINKS = n_b, SLOTS = n_b * (size_t)info->n_slots;
-  const size_t STATES = SLOTS * (size_t)info->n_states, PULLEYS = (size_t)info->n_pulleys,
-               MOUNTS = (size_t)info->n_mounts, COUPLINGS = (size_t)info->n_couplings;
   size_t n = 0;
-#define X(symbol, name, size, scale, unit, text) sizes[n++] = size;
+#define X(symbol, name, size, scale, unit, text) sizes[n++] = bd_size(info, BD_SIZE_##size);
   BD_STATE_FIELDS(X)
 #undef X
   return n;
