@@ -75,6 +75,7 @@ class Axial:
     pressing: Array  # H of all cells
     share: Array  # W at both ends of the cells on arcs (..., 2, N_arc)
     normal: Array  # N of both ends
+    apart: Array  # w of a cell's last node less that of its first, in spans of v
     static: Array  # A_n(H) of the spans (..., n_p, K)
     path: Array  # X + E of the spans
 
@@ -116,6 +117,8 @@ class Ale:
     reaction: bool = True
     consistent: bool = True
     path_bends: bool = True
+    clamped: bool = True
+    held: Array | None = None  # W of the step, if it is frozen
 
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
@@ -248,6 +251,16 @@ class Ale:
             x = -(ends + np.roll(ends, -1, axis=1))
         put("x_of", CubicSpline(np.log(h), x))
         put("x_sum", CubicSpline(np.log(h), x * h[:, None]).antiderivative())
+        # waves end in the wraps, clamped l beyond the tangent point: their own length of a span
+        length = self.geometry(0.0, self.pack(q=self.q_0)).span[:, None]
+        reach = math.sqrt(self.bending_stiffness / self.h_0)
+        straight = self.modes * math.pi / length
+        wave = straight
+        for _ in range(60):
+            ends = np.arctan(wave * reach / np.sqrt(1.0 + (wave * reach) ** 2))
+            wave = (self.modes * math.pi + 2.0 * ends) / (length + 2.0 * reach)
+        stiff = self.h_0 * (wave**2 - straight**2) + self.bending_stiffness * wave**4
+        put("stiff", stiff / straight**4 if self.clamped else self.bending_stiffness)
         k = self.s / self.radii
         put("tilt", 0.5 * self.bending_stiffness * (k - np.roll(k, -1)))  # o H
 
@@ -387,7 +400,7 @@ class Ale:
         """A_n(H), where the modes of a span rest, from the line at R."""
         at = np.maximum(h, SLOPES[0] * self.h_0)[..., None]
         waves = self.modes * math.pi / span[..., None]
-        stiff = at * waves**2 + self.bending_stiffness * waves**4
+        stiff = at * waves**2 + self.stiff * waves**4
         return self.end_moment(span) / (0.5 * span[..., None] * stiff)
 
     def _span_cells(self, m: Array, span: Array, a: Array, past: Array) -> tuple[Array, ...]:
@@ -403,7 +416,7 @@ class Ale:
             x, slope = self.run_off(h, span)
             rest = self.rest_modes(h, span)
             stands = 0.25 * span * (waves**2 * rest**2).sum(axis=-1)
-            stiff = h[..., None] * waves**2 + self.bending_stiffness * waves**4
+            stiff = h[..., None] * waves**2 + self.stiff * waves**4
             fall = 0.5 * span * (waves**4 * rest**2 / stiff).sum(axis=-1)
             fall = np.where(h > SLOPES[0] * self.h_0, fall, 0.0)  # -d stands/dH
             left = m * stretch - span - x - bent + stands
@@ -437,12 +450,12 @@ class Ale:
         pressing[..., spans] = pressing_span
         centrifugal = self.linear_density * mean**2 / stretch[..., arcs]
         pressing[..., arcs] = tension[..., arcs] - centrifugal
-        share = self.boundary(pressing_span, geo.wrap)
+        share = self.held if self.held is not None else self.boundary(pressing_span, geo.wrap)
         normal = 0.5 * (np.maximum(0.0, pressing[..., arcs]) * angle)[..., None, :] * share
         return Axial(
             length=length, stretch=stretch, at_node=at_node, elastic=elastic, tension=tension,
             flow=past / at_node, past=past, sink=sink, slid=slid, pressing=pressing,
-            share=share, normal=normal, static=static, path=path,
+            share=share, normal=normal, apart=rate, static=static, path=path,
         )  # fmt: skip
 
     def boundary(self, pressing: Array, wrap: Array) -> Array:
@@ -574,7 +587,7 @@ class Ale:
         dp = (
             -2.0 * cc * gda
             - (t_s / density - c**2)[..., None] * waves**2 * ab
-            - self.bending_stiffness / mp * waves**4 * ab
+            - self.stiff / mp * waves**4 * ab
             - self.bending_damping / mp * waves**4 * da
             + 2.0 * self.end_moment(span) / (span[..., None] * mp)
             + self.odd * (4.0 * gravity + 8.0 * self.sense * geo.turning * c)[..., None]
@@ -588,14 +601,12 @@ class Ale:
         pull = (energy - energy[..., prv]) / ax.at_node
         stiff = ax.tension - ax.tension[..., prv] + pull
         u_n = dot(geo.axis[..., self.pulley, :], geo.nn)
-        u = v[..., None] * geo.t + u_n[..., None] * geo.nn
         through = rho * 0.25 * (ax.past + ax.past[..., nxt]) / ax.stretch
-        carried = through[..., None] * (u[..., nxt, :] - u)  # of each cell, half to each end
-        convected = carried + carried[..., prv, :]
+        convected, convected_n = self.convected(geo, ax, u_n, through)
         on_nodes = np.zeros_like(v)
         np.add.at(on_nodes, (..., arcs), -force[..., 0, :])
         np.add.at(on_nodes, (..., nxt[arcs]), -force[..., 1, :])
-        total = stiff + on_nodes - dot(convected, geo.t)
+        total = stiff + on_nodes - convected
         total = total + density_at * (dot(self.g, geo.t) - self.sense * geo.node_turning * u_n)
         added, first_moment = 0.0, 0.0
         if self.reaction:
@@ -644,7 +655,7 @@ class Ale:
 
         works = np.zeros((*omega.shape[:-1], len(LEDGER)))
         ddq, share_rate, works[..., 5] = self.mount_rows(
-            y, geo, ax, force, density_at, convected, dp, da, resists
+            y, geo, ax, force, density_at, convected_n, dp, da, resists
         )
         works[..., 0] = (torque * omega).sum(axis=-1)
         works[..., 1] = ((ax.tension - ax.elastic) ** 2 * m).sum(axis=-1) / (
@@ -658,6 +669,20 @@ class Ale:
         parts = dm, dv, z_rate, da, dp, omega, domega, dq, ddq, share_rate, works
         return np.concatenate([one.reshape(*y.shape[:-1], -1) for one in parts], axis=-1)
 
+    def convected(
+        self, geo: Geometry, ax: Axial, u_n: Array, through: Array
+    ) -> tuple[Array, Array]:
+        """Along t and n of the nodes, half of each cell's on its two ends. Of an arc's cell that
+        is w_k+1 - w_k and, with the tangent's turn between them, tan(dtheta/2) (w_k + w_k+1): the
+        one division of w_k+1 t_k+1 - w_k t_k that keeps momentum, energy and torque.
+        """
+        half = 0.5 * geo.wrap[..., self.arc_pulley] / self.on[self.arc_pulley]
+        along_t, along_n = through * ax.apart, through * (u_n[..., self.next] - u_n)
+        both = ax.slid[..., self.arcs] + ax.slid[..., self.next[self.arcs]]
+        turned = -self.s[self.arc_pulley] * np.tan(half) * both
+        along_n[..., self.arcs] = through[..., self.arcs] * turned
+        return along_t + along_t[..., self.before], along_n + along_n[..., self.before]
+
     def bearing(self, omega: Array) -> Array:
         """Z, MODEL section 5."""
         if self.drag is None:
@@ -668,7 +693,7 @@ class Ale:
 
     def mount_rows(
         self, y: Array, geo: Geometry, ax: Axial, force: Array, density_at: Array,
-        convected: Array, dp: Array, da: Array, resists: Array,
+        convected_n: Array, dp: Array, da: Array, resists: Array,
     ) -> tuple[Array, Array, Array]:  # fmt: skip
         """q'', zeta' and the losses of the mounts. [7]"""
         q, dq, zeta = (self.get(y, name) for name in ("q", "dq", "zeta"))
@@ -695,7 +720,7 @@ class Ale:
         span_mass[..., self.spans] = 0.5 * rho * m[..., self.spans]
         span_mass[..., self.ends] = 0.5 * rho * m[..., self.spans]
         arc_mass = density_at - span_mass
-        bears = density_at * (-turn * v - dot(self.g, geo.nn)) + dot(convected, geo.nn)
+        bears = density_at * (-turn * v - dot(self.g, geo.nn)) + convected_n
         on_nodes -= a_n * (bears + arc_mass * of_axis)
         own = arc_mass * a_n**2
         # spans: what modes do not carry of the consistent mass, and the modes themselves
@@ -763,10 +788,10 @@ class Ale:
         summed = np.stack([self._column(self.x_sum, u, k) for k in range(self.n_p)], axis=-1)
         summed = summed + (self.tilt**2 / h + (self.tilt / self.h_0) ** 2 * h) / (2.0 * span)
         # integral of stands dH is -(S/4) sum k^2 Q^2 ... / (H k^2 + EI k^4)
-        stiff = h[..., None] * waves**2 + self.bending_stiffness * waves**4
+        stiff = h[..., None] * waves**2 + self.stiff * waves**4
         summed = summed + 0.25 * span * (ax.static**2 * stiff).sum(axis=-1)
         bend = summed - h * (x - stands)
-        bend = bend + 0.25 * span * (self.bending_stiffness * waves**4 * ab**2).sum(axis=-1)
+        bend = bend + 0.25 * span * (self.stiff * waves**4 * ab**2).sum(axis=-1)
         bend = bend - (self.end_moment(span) * ab).sum(axis=-1)
         arcs_bent = (self.bending(m, geo) * m).sum(axis=-1)
         mass = 0.5 * rho * (m + m[..., self.before])
