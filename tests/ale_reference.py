@@ -123,7 +123,8 @@ class Ale(Mesh):
             t = t + np.clip(step, -0.5 * self.h_0, 0.5 * self.h_0)
             if np.all(np.abs(step) < 1e-8 * self.h_0):  # the next would be below rounding
                 break
-        return t, h, rest, x + bent - stands
+        h = t - momentum / (1.0 + t / ea)
+        return t, h, rest, m * (1.0 + t / ea) - span
 
     def axial(self, y: Array, geo: Geometry) -> Axial:
         m, v, a = self.get(y, "m"), self.get(y, "v"), self.get(y, "a")
@@ -304,6 +305,8 @@ class Ale(Mesh):
         on_nodes = np.zeros_like(v)
         np.add.at(on_nodes, (..., arcs), -force[..., 0, :])
         np.add.at(on_nodes, (..., nxt[arcs]), -force[..., 1, :])
+        losing = self.losing(geo, ax)
+        np.add.at(on_nodes, (..., np.stack((spans, ends))), -losing)
         total = stiff + on_nodes - convected
         total = total + density_at * (dot(self.g, geo.t) - self.sense * geo.node_turning * u_n)
         added, first_moment = 0.0, 0.0
@@ -353,7 +356,7 @@ class Ale(Mesh):
 
         works = np.zeros((*omega.shape[:-1], len(LEDGER)))
         ddq, share_rate, works[..., 5] = self.mount_rows(
-            y, geo, ax, force, density_at, convected_n, dp, da, resists
+            y, geo, ax, force, density_at, convected_n, dp, da, resists, losing
         )
         works[..., 0] = (torque * omega).sum(axis=-1)
         works[..., 1] = ((ax.tension - ax.elastic) ** 2 * m).sum(axis=-1) / (
@@ -362,10 +365,23 @@ class Ale(Mesh):
         works[..., 2] = self.bending_damping * (0.5 * span[..., None] * waves**4 * da**2).sum(
             axis=(-1, -2)
         )
+        works[..., 2] += (losing * ax.past[..., np.stack((spans, ends))]).sum(axis=(-1, -2))
         works[..., 3] = (force * slip).sum(axis=(-1, -2))
         works[..., 4] = (resists * (omega - carrier)).sum(axis=-1)
         parts = dm, dv, z_rate, da, dp, omega, domega, dq, ddq, share_rate, works
         return np.concatenate([one.reshape(*y.shape[:-1], -1) for one in parts], axis=-1)
+
+    def losing(self, geo: Geometry, ax: Axial) -> Array:
+        """What damping of bending takes where the belt runs off (0) and on (1), (..., 2, n_p): the
+        curvature rises to 1/R as e^{x/l}, and eta_I times the square of its rate is lost.
+        """
+        if self.bending_damping == 0.0 or self.bending_stiffness == 0.0:
+            return np.zeros((*geo.span.shape[:-1], 2, self.n_p))
+        h = np.maximum(ax.pressing[..., self.spans], SLOPES[0] * self.h_0)
+        reach = np.sqrt(self.bending_stiffness / h)[..., None, :]
+        radii = np.stack((self.radii, np.roll(self.radii, -1)))
+        past = ax.past[..., np.stack((self.spans, self.ends))]
+        return 0.5 * self.bending_damping * past / (radii**2 * reach)
 
     def convected(
         self, geo: Geometry, ax: Axial, u_n: Array, through: Array
@@ -391,7 +407,7 @@ class Ale(Mesh):
 
     def mount_rows(
         self, y: Array, geo: Geometry, ax: Axial, force: Array, density_at: Array,
-        convected_n: Array, dp: Array, da: Array, resists: Array,
+        convected_n: Array, dp: Array, da: Array, resists: Array, losing: Array,
     ) -> tuple[Array, Array, Array]:  # fmt: skip
         """q'', zeta' and the losses of the mounts. [7]"""
         q, dq, zeta = (self.get(y, name) for name in ("q", "dq", "zeta"))
@@ -433,9 +449,13 @@ class Ale(Mesh):
         gives += np.array([1.0, -1.0])[:, None] * swings[..., None, :]
         # the line's lift EI/2RH follows H, R_g stands at H0
         lift = (ax.pressing[..., self.spans] / self.h_0 - 1.0) * self.tilt / geo.span
+        # its tangent points turn with the axes, and c with them
+        sided = (self.s * self.radii) * losing[..., 0, :]
+        sided = sided + np.roll(self.s * self.radii, -1) * losing[..., 1, :]
+        gives += np.array([-1.0, 1.0])[:, None] * (sided / geo.span)[..., None, :]
         if self.line_raised:
             gives += np.array([-1.0, 1.0])[:, None] * lift[..., None, :]
-        np.add.at(on_nodes, (..., pair), -levers * gives)
+        np.add.at(on_nodes, (..., pair), -levers * gives + a_t[..., pair] * losing)
 
         matrix = np.zeros((*q.shape, self.n_m))
         drives = np.zeros_like(q)
