@@ -4,59 +4,19 @@ It shares no line with the C core and imports nothing of beltdyn. Symbols, sides
 those of MODEL.md; `[n]` in a comment is the section of the draft. SI units, angles in rad.
 
 Every function takes states with any number of axes before the last, so that a Jacobian by
-differences is one call. `ale_reference_run.py` starts a drive, integrates it and finds its modes.
+differences is one call. `ale_reference_mesh.py` has the data and the geometry;
+`ale_reference_run.py` starts a drive, integrates it and finds its modes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
-from reference_friction import Array, Dahl, Law, LuGre, MaxwellSlip, Stateless
-from reference_line import belt_line, depth, spans_away, tension_at_rest
-from reference_mounts import Arm, Mount, Path, Sprung, rest_of
+from ale_reference_mesh import LEDGER, SLOPES, Geometry, Mesh, dot
+from reference_friction import Array, Dahl, LuGre, MaxwellSlip, Stateless
 from scipy.interpolate import CubicSpline
-
-Torque = Callable[[Any, Array, Array], Any]
-Motion = Callable[[float], tuple[float, float]]  # of t: speed Omega [rad/s], its rate [rad/s^2]
-
-LEDGER = ("drive", "joint_damping", "bending_damping", "friction", "drag", "mount", "path")
-"""The quadratures at the end of the state: work put in, then what goes out (section 7)."""
-
-SLOPES = (0.02, 30.0)
-"""X(H) is tabulated, and evaluated, between these shares of H0."""
-
-
-def dot(a: Array, b: Array) -> Array:
-    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
-
-
-def along(angle: Array) -> Array:
-    """Unit vectors of these directions, (..., 2)."""
-    return np.stack((np.cos(angle), np.sin(angle)), axis=-1)
-
-
-@dataclass
-class Geometry:
-    """The loop at one instant [1]: spans (..., n_p), nodes (..., N)."""
-
-    span: Array  # S
-    span_rate: Array  # S'
-    e: Array  # unit vector along each span
-    n: Array  # its normal, D 90 degrees behind
-    turning: Array  # Omega of each span
-    wrap: Array  # of each arc
-    wrap_rate: Array
-    t: Array  # tangents at the nodes
-    nn: Array  # normals at the nodes
-    node_turning: Array  # Omega_k
-    mesh: Array  # velocity of the mesh along t
-    axis: Array  # V of each pulley
-    lever: Array  # a of each pulley, 0 without a sprung mount
-    known: Array  # acceleration of each axis but for a q''
 
 
 @dataclass
@@ -75,267 +35,14 @@ class Axial:
     pressing: Array  # H of all cells
     share: Array  # W at both ends of the cells on arcs (..., 2, N_arc)
     normal: Array  # N of both ends
+    apart: Array  # w of a cell's last node less that of its first, in spans of v
     static: Array  # A_n(H) of the spans (..., n_p, K)
     path: Array  # X + E of the spans
 
 
 @dataclass(frozen=True)
-class Ale:
-    """A belt drive by its data per metre of belt, with the equations of the flowing belt.
-
-    The state is `m` and `v` (N), `z` (states, 2, N_arc), `a` and `p` (n_p, K), `theta`, `omega`
-    (n_p), of sprung mounts travel, rate and share of friction (n_m), and the quadratures LEDGER.
-    Cell c lies between nodes c and c + 1; span 0, arc 1, span 1, ..., arc 0.
-    """
-
-    length: float
-    linear_density: float
-    axial_stiffness: float
-    axial_damping: float
-    bending_stiffness: float
-    centers: Array
-    radii: Array
-    inertias: Array
-    contact: tuple[float, float]  # c1' [N/m^3], c2' [N/m^2]
-    friction: tuple[Law | None, ...]
-    bending_damping: float = 0.0
-    sides: tuple[int, ...] | None = None
-    compensate: bool = False
-    gravity: tuple[float, float] = (0.0, 0.0)
-    drag: Array | None = None  # (n_p, 3)
-    mounts: Mapping[int, Mount] = field(default_factory=dict)
-    motion: Mapping[int, Motion] = field(default_factory=dict)
-    torque: Torque | None = None
-    cell: float = 0.0125  # longest cell of an arc [m]
-    least: int = 6  # cells of an arc
-    n_modes: int = 2
-    # switches, for tests of what each of them is worth
-    end_moments: bool = True
-    boundary_layers: bool = True
-    line_raised: bool = True
-    reaction: bool = True
-    consistent: bool = True
-    path_bends: bool = True
-
-    def __post_init__(self) -> None:
-        put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
-        centers = np.asarray(self.centers, dtype=float).reshape(-1, 2)
-        n_p, radii = len(centers), np.asarray(self.radii, dtype=float)
-        put("n_p", n_p)
-        put("s", np.ones(n_p) if self.sides is None else np.asarray(self.sides, dtype=float))
-        put("centers", centers)
-        put("radii", radii)
-        put("inertias", np.asarray(self.inertias, dtype=float))
-        put("g", np.asarray(self.gravity, dtype=float))
-        mounts = {
-            j: one.resolved(centers[j], radii[j], self.axial_stiffness, self.length)
-            for j, one in sorted(self.mounts.items())
-        }
-        put("mounts", mounts)
-        put("sprung", [j for j, one in mounts.items() if isinstance(one, Sprung)])
-        put("n_m", len(self.sprung))
-        # direction of numbering and the place of rest, by MODEL sections 1 and 6
-        at = self._rest_by_model()
-        put("q_0", at)
-        places = self._places(0.0, at)[0]
-        line = belt_line(places, radii, self.length, 100, self.sides)
-        put("sense", 1 if n_p > 2 and line[3] > 0 else -1)
-        if n_p > 2 and line[3] == 0:
-            raise ValueError("a loop of three that goes round none is not meant here")
-        strain = line[-1] / self.length - 1.0
-        put("strain", strain)
-        put("compensated", np.zeros(n_p))
-        pressure = self.axial_stiffness * strain * (1.0 + strain) / radii
-        if self.compensate:
-            put("compensated", np.array([depth(one, self.contact) for one in pressure]))
-        put("h_0", self._tension_of(places))
-        put("raised", np.zeros(n_p))
-        if self.line_raised:
-            put("raised", self.bending_stiffness / (2.0 * radii * self.h_0))
-        self._mesh(places, put)
-        self._run_offs(put)
-        if self.drag is not None:
-            wave = math.sqrt(self.axial_stiffness / self.linear_density)
-            put("omega_0", 1e-3 * strain * wave / 60.0 / radii)
-            put("drag", np.asarray(self.drag, dtype=float))
-
-    # ---- what is fixed at the start ---------------------------------------------------------
-
-    def _tension_of(self, places: Array) -> float:
-        return tension_at_rest(
-            places, self.radii, self.sides, self.length,
-            (self.axial_stiffness, self.bending_stiffness), self.contact, self.compensate,
-        )  # fmt: skip
-
-    def _rest_by_model(self) -> Array:
-        """Travel of the sprung mounts at rest, MODEL section 5."""
-        if not self.sprung:
-            return np.zeros(0)
-
-        def line(places: Array) -> tuple[float, Array]:
-            path, _, spans = spans_away(places, self.radii, self.sides)
-            strain = path / self.length - 1.0
-            pull = self.axial_stiffness * strain
-            return (self._tension_of(places) if strain > 0.0 else pull), spans
-
-        rest = rest_of(
-            list(self.mounts.items()), self.centers, line,
-            self.axial_stiffness, self.length, self.g,
-        )  # fmt: skip
-        return rest[[m for m, j in enumerate(self.mounts) if j in self.sprung]]
-
-    def _mesh(self, places: Array, put: Callable[[str, Any], None]) -> None:
-        """Number cells and nodes, and say of each to which pulley or span it belongs."""
-        _, wraps, _ = spans_away(places, self.radii, self.sides)
-        even = [
-            2 * math.ceil(r * w / self.cell / 2) for r, w in zip(self.radii, wraps, strict=True)
-        ]
-        on = [max(self.least, n) for n in even]
-        pulley, fraction, arc_of, spans, arcs = [], [], [], [], {}
-        for i in range(self.n_p):
-            j = (i + 1) % self.n_p
-            spans.append(len(pulley))
-            pulley.append(i)
-            fraction.append(1.0)
-            arcs[j] = slice(len(arc_of), len(arc_of) + on[j])
-            for k in range(on[j]):
-                arc_of.append(len(pulley))
-                pulley.append(j)
-                fraction.append(k / on[j])
-        put("n", len(pulley))
-        put("on", np.array(on))
-        put("pulley", np.array(pulley))  # of each node
-        put("fraction", np.array(fraction))  # of the wrap, of each node
-        put("spans", np.array(spans))  # cell of each span; its first node
-        put("ends", (np.array(spans) + 1) % self.n)  # its last node
-        put("arcs", np.array(arc_of))  # cells on arcs
-        put("arc_pulley", self.pulley[self.arcs])
-        put("on_arc", arcs)  # of each pulley, its cells among those on arcs
-        put("next", (np.arange(self.n) + 1) % self.n)
-        put("before", (np.arange(self.n) - 1) % self.n)
-        put("n_z", max([1, *(one.n_states for one in self.friction if one is not None)]))
-        sizes = (
-            ("m", (self.n,)), ("v", (self.n,)), ("z", (self.n_z, 2, len(arc_of))),
-            ("a", (self.n_p, self.n_modes)), ("p", (self.n_p, self.n_modes)),
-            ("theta", (self.n_p,)), ("omega", (self.n_p,)),
-            ("q", (self.n_m,)), ("dq", (self.n_m,)), ("zeta", (self.n_m,)),
-            ("works", (len(LEDGER),)),
-        )  # fmt: skip
-        begin, layout = 0, {}
-        for name, shape in sizes:
-            end = begin + math.prod(shape)
-            layout[name] = (slice(begin, end), shape)
-            begin = end
-        put("layout", layout)
-        put("size", begin)
-        modes = np.arange(1, self.n_modes + 1)
-        put("modes", modes)
-        odd = (modes[:, None] + modes) % 2 == 1
-        gap = np.where(odd, modes[:, None] ** 2 - modes**2, 1)
-        put("gyro", np.where(odd, 4.0 * modes[:, None] * modes / gap, 0.0))  # G S
-        put("odd", np.where(modes % 2 == 1, 1.0, 0.0) / (modes * math.pi))
-        #: parts of a mode in the motion of a span's first and last end, w_n / (a.n)
-        put("parts", 2.0 / (modes * math.pi) * np.array([modes**0, -((-1.0) ** modes)]))
-
-    def _run_offs(self, put: Callable[[str, Any], None]) -> None:
-        """X(H) of each span without its part of 1/S, over log H, and its integral over H."""
-        h = self.h_0 * np.geomspace(*SLOPES, 200)
-        x = np.zeros((len(h), self.n_p))
-        if self.path_bends:
-            ends = np.array([[self._end(one, r, r0) for r, r0 in
-                              zip(self.radii, self.compensated, strict=True)]
-                             for one in h])  # fmt: skip
-            x = -(ends + np.roll(ends, -1, axis=1))
-        put("x_of", CubicSpline(np.log(h), x))
-        put("x_sum", CubicSpline(np.log(h), x * h[:, None]).antiderivative())
-        k = self.s / self.radii
-        put("tilt", 0.5 * self.bending_stiffness * (k - np.roll(k, -1)))  # o H
-
-    def _end(self, pull: float, r: float, compensated: float) -> float:
-        """Delta of one end of a wrap, MODEL section 6, and what the arc's B does not reach."""
-        stretch = 1.0 + pull / self.axial_stiffness
-        p = depth(pull * stretch / r, self.contact)
-        bending = self.bending_stiffness
-        if bending == 0.0:
-            return -5.0 / 12.0 * p * math.sqrt(p / r)
-        force = pull * stretch
-        c, tau = force / (r * p), force / bending
-        m, big_p = tau**-0.5, math.sqrt(c / bending)
-        big_s = math.sqrt(tau + 2.0 * big_p)
-        b = (big_s * tau / big_p + (tau / big_p + 1.0) / m) / (r * (tau + big_p + big_s / m))
-        k = 1.0 / r + big_p * p - big_s * b
-        s = r * (b - k * m)
-        found = ((b - big_s * p) / big_p + p * s - s**3 / (6.0 * r)) / r
-        found -= k**2 * m**3 / 4.0 + (b**2 + big_p * p**2) / (4.0 * big_s)
-        reach = math.sqrt(bending / pull)
-        return found + reach * bending / (4.0 * self.axial_stiffness * r**2)
-
-    # ---- state --------------------------------------------------------------------------------
-
-    def get(self, y: Array, name: str) -> Array:
-        where, shape = self.layout[name]
-        return y[..., where].reshape(*y.shape[:-1], *shape)
-
-    def pack(self, **parts: Any) -> Array:
-        y = np.zeros(self.size)
-        for name, value in parts.items():
-            where, shape = self.layout[name]
-            y[where] = np.broadcast_to(value, shape).ravel()
-        return y
-
-    # ---- [1] geometry -------------------------------------------------------------------------
-
-    def _places(self, t: Any, q: Array) -> tuple[Array, Array]:
-        """Places of the axes and their levers a, (..., n_p, 2); of paths a = 0."""
-        shape = (*np.shape(q)[:-1], self.n_p, 2)
-        places, levers = np.broadcast_to(self.centers, shape).copy(), np.zeros(shape)
-        for j, one in self.mounts.items():
-            if isinstance(one, Path):
-                places[..., j, :] = one.place(t, self.centers[j])
-            else:
-                travel = q[..., self.sprung.index(j)]
-                places[..., j, :] = one.place(travel, self.centers[j])
-                levers[..., j, :] = one.lever(travel, self.centers[j])
-        return places, levers
-
-    def geometry(self, t: Any, y: Array) -> Geometry:
-        q, dq = self.get(y, "q"), self.get(y, "dq")
-        places, lever = self._places(t, q)
-        axis, known = np.zeros_like(places), np.zeros_like(places)
-        for j, one in self.mounts.items():
-            if isinstance(one, Path):
-                axis[..., j, :] = one.lever(t, self.centers[j])
-                inside = one.t[0] <= t <= one.t[-1]
-                known[..., j, :] = one.spline(np.clip(t, one.t[0], one.t[-1]), 2) * inside
-            else:
-                rate = dq[..., self.sprung.index(j), None]
-                axis[..., j, :] = lever[..., j, :] * rate
-                if isinstance(one, Arm):
-                    bent = np.stack((-lever[..., j, 1], lever[..., j, 0]), axis=-1)
-                    known[..., j, :] = bent * rate**2
-        sense, s, rg = self.sense, self.s, self.radii + self.raised
-        d = np.roll(places, -1, axis=-2) - places
-        b = s * rg - np.roll(s * rg, -1)
-        span = np.sqrt(dot(d, d) - b**2)
-        angle = np.arctan2(d[..., 1], d[..., 0]) + sense * np.arctan2(b, span)
-        e = along(angle)
-        n = sense * np.stack((e[..., 1], -e[..., 0]), axis=-1)
-        apart = np.roll(axis, -1, axis=-2) - axis
-        turning = -sense * dot(apart, n) / span
-        span_rate = dot(apart, e) - b * turning * sense
-        arrives, comes = np.roll(angle, 1, axis=-1), np.roll(turning, 1, axis=-1)
-        wrap = np.mod(s * sense * (angle - arrives), 2.0 * math.pi)
-        of, f = self.pulley, self.fraction
-        psi = arrives[..., of] + sense * s[of] * f * wrap[..., of]
-        tangent = along(psi)
-        normal = sense * np.stack((tangent[..., 1], -tangent[..., 0]), axis=-1)
-        node_turning = (1.0 - f) * comes[..., of] + f * turning[..., of]
-        mesh = dot(axis[..., of, :], tangent) + sense * s[of] * self.radii[of] * node_turning
-        return Geometry(
-            span=span, span_rate=span_rate, e=e, n=n, turning=turning, wrap=wrap,
-            wrap_rate=s * sense * (turning - comes), t=tangent, nn=normal,
-            node_turning=node_turning, mesh=mesh, axis=axis, lever=lever, known=known,
-        )  # fmt: skip
+class Ale(Mesh):
+    """A belt drive with the equations of the flowing belt."""
 
     # ---- [2] tension, flow, normal force -----------------------------------------------------
 
@@ -359,15 +66,19 @@ class Ale:
         """X(H) of the spans and its slope. [2]"""
         at = np.clip(h, SLOPES[0] * self.h_0, SLOPES[1] * self.h_0)
         u = np.log(at)
-        x = np.stack([self._column(self.x_of, u, k) for k in range(self.n_p)], axis=-1)
-        slope = np.stack([self._column(self.x_of, u, k, 1) for k in range(self.n_p)], axis=-1) / at
+        x, slope = self._tabled(self.x_of, u)
+        slope = slope / at
         x = x - ((self.tilt / at) ** 2 - (self.tilt / self.h_0) ** 2) / (2.0 * span)
         slope = slope + self.tilt**2 / at**3 / span
         return x, np.where(at == h, slope, 0.0)
 
-    def _column(self, of: CubicSpline, u: Array, k: int, order: int = 0) -> Array:
-        one = CubicSpline.construct_fast(of.c[..., k], of.x)
-        return one(u[..., k], order)
+    def _tabled(self, table: CubicSpline, u: Array) -> tuple[Array, Array]:
+        """A column of the table for each span at u (..., n_p), and its slope; x is even."""
+        i = np.clip((u - table.x[0]) / (table.x[1] - table.x[0]), 0, len(table.x) - 2).astype(int)
+        w, value, slope = u - table.x[i], np.zeros_like(u), np.zeros_like(u)
+        for one in table.c:
+            value, slope = value * w + one[i, np.arange(self.n_p)], slope * w + value
+        return value, slope
 
     def end_moment(self, span: Array) -> Array:
         """Q_n (..., n_p, K)."""
@@ -387,7 +98,7 @@ class Ale:
         """A_n(H), where the modes of a span rest, from the line at R."""
         at = np.maximum(h, SLOPES[0] * self.h_0)[..., None]
         waves = self.modes * math.pi / span[..., None]
-        stiff = at * waves**2 + self.bending_stiffness * waves**4
+        stiff = at * waves**2 + self.stiff * waves**4
         return self.end_moment(span) / (0.5 * span[..., None] * stiff)
 
     def _span_cells(self, m: Array, span: Array, a: Array, past: Array) -> tuple[Array, ...]:
@@ -403,7 +114,7 @@ class Ale:
             x, slope = self.run_off(h, span)
             rest = self.rest_modes(h, span)
             stands = 0.25 * span * (waves**2 * rest**2).sum(axis=-1)
-            stiff = h[..., None] * waves**2 + self.bending_stiffness * waves**4
+            stiff = h[..., None] * waves**2 + self.stiff * waves**4
             fall = 0.5 * span * (waves**4 * rest**2 / stiff).sum(axis=-1)
             fall = np.where(h > SLOPES[0] * self.h_0, fall, 0.0)  # -d stands/dH
             left = m * stretch - span - x - bent + stands
@@ -412,7 +123,8 @@ class Ale:
             t = t + np.clip(step, -0.5 * self.h_0, 0.5 * self.h_0)
             if np.all(np.abs(step) < 1e-8 * self.h_0):  # the next would be below rounding
                 break
-        return t, h, rest, x + bent - stands
+        h = t - momentum / (1.0 + t / ea)
+        return t, h, rest, m * (1.0 + t / ea) - span
 
     def axial(self, y: Array, geo: Geometry) -> Axial:
         m, v, a = self.get(y, "m"), self.get(y, "v"), self.get(y, "a")
@@ -437,12 +149,12 @@ class Ale:
         pressing[..., spans] = pressing_span
         centrifugal = self.linear_density * mean**2 / stretch[..., arcs]
         pressing[..., arcs] = tension[..., arcs] - centrifugal
-        share = self.boundary(pressing_span, geo.wrap)
+        share = self.held if self.held is not None else self.boundary(pressing_span, geo.wrap)
         normal = 0.5 * (np.maximum(0.0, pressing[..., arcs]) * angle)[..., None, :] * share
         return Axial(
             length=length, stretch=stretch, at_node=at_node, elastic=elastic, tension=tension,
             flow=past / at_node, past=past, sink=sink, slid=slid, pressing=pressing,
-            share=share, normal=normal, static=static, path=path,
+            share=share, normal=normal, apart=rate, static=static, path=path,
         )  # fmt: skip
 
     def boundary(self, pressing: Array, wrap: Array) -> Array:
@@ -484,7 +196,7 @@ class Ale:
         (c_0, sum_0), (c_1, sum_1) = carried(begin), carried(begin + part)
         mean = (sum_1 - sum_0) / part
         share = 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2) / part[..., None, :]
-        return np.maximum(share, 0.0)
+        return np.where(share > 1e-9, share, 0.0)  # what is left of rounding carries nothing
 
     # ---- [4] friction --------------------------------------------------------------------------
 
@@ -574,7 +286,7 @@ class Ale:
         dp = (
             -2.0 * cc * gda
             - (t_s / density - c**2)[..., None] * waves**2 * ab
-            - self.bending_stiffness / mp * waves**4 * ab
+            - self.stiff / mp * waves**4 * ab
             - self.bending_damping / mp * waves**4 * da
             + 2.0 * self.end_moment(span) / (span[..., None] * mp)
             + self.odd * (4.0 * gravity + 8.0 * self.sense * geo.turning * c)[..., None]
@@ -588,14 +300,14 @@ class Ale:
         pull = (energy - energy[..., prv]) / ax.at_node
         stiff = ax.tension - ax.tension[..., prv] + pull
         u_n = dot(geo.axis[..., self.pulley, :], geo.nn)
-        u = v[..., None] * geo.t + u_n[..., None] * geo.nn
         through = rho * 0.25 * (ax.past + ax.past[..., nxt]) / ax.stretch
-        carried = through[..., None] * (u[..., nxt, :] - u)  # of each cell, half to each end
-        convected = carried + carried[..., prv, :]
+        convected, convected_n = self.convected(geo, ax, u_n, through)
         on_nodes = np.zeros_like(v)
         np.add.at(on_nodes, (..., arcs), -force[..., 0, :])
         np.add.at(on_nodes, (..., nxt[arcs]), -force[..., 1, :])
-        total = stiff + on_nodes - dot(convected, geo.t)
+        losing = self.losing(geo, ax)
+        np.add.at(on_nodes, (..., np.stack((spans, ends))), -losing)
+        total = stiff + on_nodes - convected
         total = total + density_at * (dot(self.g, geo.t) - self.sense * geo.node_turning * u_n)
         added, first_moment = 0.0, 0.0
         if self.reaction:
@@ -627,10 +339,10 @@ class Ale:
             torque = torque + self.torque(t, theta, omega)
         rim = (self.radii + self.compensated)[self.arc_pulley] - ax.sink
         friction = force.sum(axis=-2)
+        pulls = (self.sense * self.s)[self.arc_pulley] * rim * friction
         of_belt = np.stack(
-            [(rim * friction)[..., self.on_arc[j]].sum(axis=-1) for j in range(self.n_p)], axis=-1
+            [pulls[..., self.on_arc[j]].sum(axis=-1) for j in range(self.n_p)], axis=-1
         )
-        of_belt = self.sense * self.s * of_belt
         dq = self.get(y, "dq")
         carrier = np.zeros_like(omega)
         for i, j in enumerate(self.sprung):
@@ -644,7 +356,7 @@ class Ale:
 
         works = np.zeros((*omega.shape[:-1], len(LEDGER)))
         ddq, share_rate, works[..., 5] = self.mount_rows(
-            y, geo, ax, force, density_at, convected, dp, da, resists
+            y, geo, ax, force, density_at, convected_n, dp, da, resists, losing
         )
         works[..., 0] = (torque * omega).sum(axis=-1)
         works[..., 1] = ((ax.tension - ax.elastic) ** 2 * m).sum(axis=-1) / (
@@ -653,10 +365,37 @@ class Ale:
         works[..., 2] = self.bending_damping * (0.5 * span[..., None] * waves**4 * da**2).sum(
             axis=(-1, -2)
         )
+        works[..., 2] += (losing * ax.past[..., np.stack((spans, ends))]).sum(axis=(-1, -2))
         works[..., 3] = (force * slip).sum(axis=(-1, -2))
         works[..., 4] = (resists * (omega - carrier)).sum(axis=-1)
         parts = dm, dv, z_rate, da, dp, omega, domega, dq, ddq, share_rate, works
         return np.concatenate([one.reshape(*y.shape[:-1], -1) for one in parts], axis=-1)
+
+    def losing(self, geo: Geometry, ax: Axial) -> Array:
+        """What damping of bending takes where the belt runs off (0) and on (1), (..., 2, n_p): the
+        curvature rises to 1/R as e^{x/l}, and eta_I times the square of its rate is lost.
+        """
+        if self.bending_damping == 0.0 or self.bending_stiffness == 0.0:
+            return np.zeros((*geo.span.shape[:-1], 2, self.n_p))
+        h = np.maximum(ax.pressing[..., self.spans], SLOPES[0] * self.h_0)
+        reach = np.sqrt(self.bending_stiffness / h)[..., None, :]
+        radii = np.stack((self.radii, np.roll(self.radii, -1)))
+        past = ax.past[..., np.stack((self.spans, self.ends))]
+        return 0.5 * self.bending_damping * past / (radii**2 * reach)
+
+    def convected(
+        self, geo: Geometry, ax: Axial, u_n: Array, through: Array
+    ) -> tuple[Array, Array]:
+        """Along t and n of the nodes, half of each cell's on its two ends. Of an arc's cell that
+        is w_k+1 - w_k and, with the tangent's turn between them, tan(dtheta/2) (w_k + w_k+1): the
+        one division of w_k+1 t_k+1 - w_k t_k that keeps momentum, energy and torque.
+        """
+        half = 0.5 * geo.wrap[..., self.arc_pulley] / self.on[self.arc_pulley]
+        along_t, along_n = through * ax.apart, through * (u_n[..., self.next] - u_n)
+        both = ax.slid[..., self.arcs] + ax.slid[..., self.next[self.arcs]]
+        turned = -self.s[self.arc_pulley] * np.tan(half) * both
+        along_n[..., self.arcs] = through[..., self.arcs] * turned
+        return along_t + along_t[..., self.before], along_n + along_n[..., self.before]
 
     def bearing(self, omega: Array) -> Array:
         """Z, MODEL section 5."""
@@ -668,7 +407,7 @@ class Ale:
 
     def mount_rows(
         self, y: Array, geo: Geometry, ax: Axial, force: Array, density_at: Array,
-        convected: Array, dp: Array, da: Array, resists: Array,
+        convected_n: Array, dp: Array, da: Array, resists: Array, losing: Array,
     ) -> tuple[Array, Array, Array]:  # fmt: skip
         """q'', zeta' and the losses of the mounts. [7]"""
         q, dq, zeta = (self.get(y, name) for name in ("q", "dq", "zeta"))
@@ -695,7 +434,7 @@ class Ale:
         span_mass[..., self.spans] = 0.5 * rho * m[..., self.spans]
         span_mass[..., self.ends] = 0.5 * rho * m[..., self.spans]
         arc_mass = density_at - span_mass
-        bears = density_at * (-turn * v - dot(self.g, geo.nn)) + dot(convected, geo.nn)
+        bears = density_at * (-turn * v - dot(self.g, geo.nn)) + convected_n
         on_nodes -= a_n * (bears + arc_mass * of_axis)
         own = arc_mass * a_n**2
         # spans: what modes do not carry of the consistent mass, and the modes themselves
@@ -710,9 +449,13 @@ class Ale:
         gives += np.array([1.0, -1.0])[:, None] * swings[..., None, :]
         # the line's lift EI/2RH follows H, R_g stands at H0
         lift = (ax.pressing[..., self.spans] / self.h_0 - 1.0) * self.tilt / geo.span
+        # its tangent points turn with the axes, and c with them
+        sided = (self.s * self.radii) * losing[..., 0, :]
+        sided = sided + np.roll(self.s * self.radii, -1) * losing[..., 1, :]
+        gives += np.array([-1.0, 1.0])[:, None] * (sided / geo.span)[..., None, :]
         if self.line_raised:
             gives += np.array([-1.0, 1.0])[:, None] * lift[..., None, :]
-        np.add.at(on_nodes, (..., pair), -levers * gives)
+        np.add.at(on_nodes, (..., pair), -levers * gives + a_t[..., pair] * losing)
 
         matrix = np.zeros((*q.shape, self.n_m))
         drives = np.zeros_like(q)
@@ -760,13 +503,13 @@ class Ale:
         u = np.log(np.clip(h, SLOPES[0] * self.h_0, SLOPES[1] * self.h_0))
         x, _ = self.run_off(h, span)
         stands = 0.25 * span * (waves**2 * ax.static**2).sum(axis=-1)
-        summed = np.stack([self._column(self.x_sum, u, k) for k in range(self.n_p)], axis=-1)
+        summed, _ = self._tabled(self.x_sum, u)
         summed = summed + (self.tilt**2 / h + (self.tilt / self.h_0) ** 2 * h) / (2.0 * span)
         # integral of stands dH is -(S/4) sum k^2 Q^2 ... / (H k^2 + EI k^4)
-        stiff = h[..., None] * waves**2 + self.bending_stiffness * waves**4
+        stiff = h[..., None] * waves**2 + self.stiff * waves**4
         summed = summed + 0.25 * span * (ax.static**2 * stiff).sum(axis=-1)
         bend = summed - h * (x - stands)
-        bend = bend + 0.25 * span * (self.bending_stiffness * waves**4 * ab**2).sum(axis=-1)
+        bend = bend + 0.25 * span * (self.stiff * waves**4 * ab**2).sum(axis=-1)
         bend = bend - (self.end_moment(span) * ab).sum(axis=-1)
         arcs_bent = (self.bending(m, geo) * m).sum(axis=-1)
         mass = 0.5 * rho * (m + m[..., self.before])

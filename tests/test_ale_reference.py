@@ -11,6 +11,7 @@ import math
 from typing import Any
 
 import ale_reference_run as runs
+import drives
 import numpy as np
 import pytest
 import reference_mounts
@@ -79,12 +80,12 @@ def test_tension_at_rest_is_that_of_links(scene: Any, bending: float | None, lin
 
 
 def test_modes_at_rest_are_those_of_links() -> None:
-    """U: torsion 92.5, lateral 125.2 and 128.5 Hz of 480 links, whose mesh makes 0.2 %; cells of
-    12.5 mm make 0.15 %. The aim of the model is 0.5 %.
+    """U: torsion 92.5, lateral 125.2, 128.5 and 254.7 Hz of 480 links, whose phase on the pulleys
+    makes 0.15 %; cells of 12.5 mm make 0.15 % of torsion. The aim of the model is 0.5 %.
     """
     model = ale_of(scene_u().params)
     found, decay = runs.frequencies(model, runs.at_rest(model))
-    np.testing.assert_allclose(found[:3], [92.505, 125.211, 128.482], rtol=4e-3)
+    np.testing.assert_allclose(found[:4], [92.505, 125.211, 128.482, 254.674], rtol=2e-3)
     assert np.all(decay < 0.0)
 
 
@@ -164,12 +165,12 @@ def test_creep_of_dahl_friction_is_that_of_theory(speed: float) -> None:
     assert flow == pytest.approx(flow[0], rel=1e-9)
     assert model.get(y, "m").sum() == pytest.approx(LENGTH, rel=1e-13)
     t_0, t_1 = tension(model, y)
-    v = model.get(y, "v")[model.spans]
+    v = model.get(y, "v")
+    v = 0.5 * (v[model.spans] + v[model.ends])  # half of a span's momentum goes to each of its ends
     rho = RADIUS - float(ax.sink.mean())
     pulls = (t_0 - t_1 - DENSITY * flow[0] * (v[0] - v[1])) * rho
-    # u of the neighbours, along t of a node, is v cos(h / R): of rhoA J dv, 0.7 N of the 600 at
-    # 31 m/s, the part (h / R)^2 / 2 = 1.2 % is missing
-    assert abs(pulls) == pytest.approx(60.0, rel=1e-4 if speed > 100.0 else 1e-7)
+    # but for lambda of F, which is the cell's: second differences of the stretch, 1e-5, of rhoA J v
+    assert abs(pulls) == pytest.approx(60.0, rel=2e-8)
 
 
 def test_sum_of_metres_never_changes() -> None:
@@ -216,13 +217,16 @@ def turnover(model: Ale, y: np.ndarray, term: str, h: float = 1e-6) -> float:
 def test_energy_is_kept_on_fixed_axes_and_by_a_mount(bending: float) -> None:
     """No power is without its owner, of states at random, over what goes to and fro between elastic
     and kinetic energy: the belt alone, with its bending (X, end moments), and with a slider, where
-    every term of the belt's force on an axis has its counterpart in the belt. What the equations
+    every term of the belt's force on an axis has its counterpart in the belt, and with damping of
+    bending. What the equations
     leave out is of the order of d / R and of the stretch, 5e-3, times the part that it concerns.
     """
     params = scene_u().params
     slider = reference_mounts.Slider(direction=(1.0, 0.3), mass=0.4, stiffness=2e4, preload=640.0)
     for mounts in ({}, {1: slider}):
-        model = quiet(params, bending_stiffness=bending, mounts=mounts)
+        model = quiet(
+            params, bending_stiffness=bending, bending_damping=1e-3 * bending, mounts=mounts
+        )
         y = vibrating(model, 0.0)
         assert np.abs(_residual(model, y)).max() < 3e-3 * turnover(model, y, "elastic")
 
@@ -235,3 +239,26 @@ def test_energy_is_kept_by_modes_of_a_belt_that_runs() -> None:
     y = vibrating(model, -400.0, parts="ap")
     off = dataclasses.replace(model, reaction=False)
     assert np.abs(_residual(model, y)).max() < 0.1 * np.abs(_residual(off, y)).max()
+
+
+def test_first_swing_after_a_jump_of_load_is_that_of_links() -> None:
+    """U at 63 rad/s, 5 ms after torques of full load: the slack span falls to half of its tension,
+    torsion, modes, load and friction of the ends of wraps take part. Links at 240 are 0.2 N from
+    those at 480; cells of 12.5 mm are a tenth off in what the ends carry: 0.5 % of the mean.
+    """
+    params, end, speed = scene_u().params, 6e-3, 63.0
+    times, gain = np.linspace(0.0, end, 31), 24.0 / (speed * 5.0 / 12.0)
+
+    def torque(_t: float, _theta: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        return np.stack((0.0 * omega[..., 0] - 10.0, -gain * omega[..., 1]), axis=-1)
+
+    links = drives.on_mesh(drives.with_belt(params, n_bodies=240), "joint")
+    state = bd.settle(links, speed={0: -speed})
+    ramp = bd.PiecewiseLinear([0.0, end], [-10.0, -10.0], pulley=0)
+    found = bd.simulate(
+        links, ramp + bd.Viscous([0.0, gain]), end, initial=state, t_eval=times, rtol=1e-3
+    )  # fmt: skip
+    model = ale_of(params, torque=torque)
+    states = runs.run(model, runs.at_speed(model, -speed), times, rtol=3e-3).states
+    apart = tension(model, states) - found.span_tension
+    assert np.sqrt(np.mean(apart**2)) < 0.005 * model.h_0
