@@ -275,10 +275,10 @@ class State:
         going = params._model.set_going(core, v)
         turning = np.array(going["omega"])
         turning[list(speeds)] = list(speeds.values())
-        moving = {name: going[name] for name in ("vx", "vy", "vphi", "rim_speed")}
+        moving = {name: going[name] for name, _, unit, _ in _core.STATE_FIELDS if "/s" in unit}
         for c, k in enumerate(params.coupled):
             moving["rim_speed"][c] = turning[k]
-        return attrs.evolve(self, **moving, omega=turning, residual=None)
+        return attrs.evolve(self, **moving | {"omega": turning}, residual=None)
 
     @classmethod
     def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:

@@ -44,24 +44,24 @@ PyObject *bd_core_belt_line(PyObject *module, PyObject *args, PyObject *keywords
 
 /* dict[name] = value. -1 with an exception. */
 int bd_core_set(PyObject *dict, const char *name, PyObject *value);
-/* The tuple with value as its item k, or the list with it at its end; NULL with an exception, the
- * tuple or list having been freed. */
-PyObject *bd_core_put(PyObject *tuple, Py_ssize_t k, PyObject *value);
+/* The list with value at its end; NULL with an exception, the list having been freed, and for NULL.
+ */
 PyObject *bd_core_append(PyObject *list, PyObject *value);
 /* A tuple in the place of a list, which is freed; NULL for NULL. */
 PyObject *bd_core_tuple(PyObject *list);
 
-/* A C number of a struct in fields.h as the Python number of its kind. */
-#define BD_CORE_NUMBER(value)                                                                      \
+/* A C number or text of a struct in fields.h as the Python object of its kind. */
+#define BD_CORE_VALUE(value)                                                                       \
   _Generic((value), int                                                                            \
            : PyLong_FromLong, long                                                                 \
            : PyLong_FromLong, double                                                               \
-           : PyFloat_FromDouble)(value)
+           : PyFloat_FromDouble, const char *                                                      \
+           : PyUnicode_FromString)(value)
 
 /* dict[name] = the member of that name of a struct in fields.h: for a row of its table. Does
  * nothing where dict is NULL; frees it and makes it NULL if that fails. */
-#define BD_CORE_SET_NUMBER(dict, record, name)                                                     \
-  if ((dict) && bd_core_set(dict, #name, BD_CORE_NUMBER((record).name)) < 0) {                     \
+#define BD_CORE_SET_VALUE(dict, record, name)                                                      \
+  if ((dict) && bd_core_set(dict, #name, BD_CORE_VALUE((record).name)) < 0) {                      \
     Py_CLEAR(dict);                                                                                \
   }
 
@@ -115,7 +115,6 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
 /* A new set of names of outputs, from a sequence of str; NULL with an exception. */
 PyObject *bd_core_output_names(PyObject *names);
 PyObject *bd_core_span_tension(PyObject *module, PyObject *args, PyObject *keywords);
-extern const char bd_core_span_tension_doc[];
 
 /* --- torque ---------------------------------------------------------------------------------- */
 

@@ -14,17 +14,8 @@ int bd_core_set(PyObject *dict, const char *name, PyObject *value) {
   return failed;
 }
 
-PyObject *bd_core_put(PyObject *tuple, Py_ssize_t k, PyObject *value) {
-  if (value) {
-    PyTuple_SET_ITEM(tuple, k, value);
-  } else {
-    Py_CLEAR(tuple);
-  }
-  return tuple;
-}
-
 PyObject *bd_core_append(PyObject *list, PyObject *value) {
-  if (!value || PyList_Append(list, value) < 0) {
+  if (list && (!value || PyList_Append(list, value) < 0)) {
     Py_CLEAR(list);
   }
   Py_XDECREF(value);

@@ -8,9 +8,6 @@
 #include <limits.h>
 #include <math.h>
 
-const char bd_core_state_doc[] = "state($self, /)\n--\n\n"
-                                 "The state now, a dict of new arrays, and \"t\" [s].";
-
 PyObject *bd_core_sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {
   bd_core_sim *self = (bd_core_sim *)object;
   bd_state state;
@@ -24,9 +21,6 @@ PyObject *bd_core_sim_state(PyObject *object, PyObject *Py_UNUSED(none)) {
   bd_core_leave(self);
   return bd_core_state_timed(dict, &state);
 }
-
-const char bd_core_export_doc[] = "export_record($self, /)\n--\n\n"
-                                  "Everything that the run needs to go on bit for bit, as bytes.";
 
 PyObject *bd_core_sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
   bd_core_sim *self = (bd_core_sim *)object;
@@ -50,10 +44,6 @@ PyObject *bd_core_sim_export(PyObject *object, PyObject *Py_UNUSED(none)) {
   bd_core_leave(self);
   return bytes;
 }
-
-const char bd_core_import_doc[] =
-    "import_record($self, record, /)\n--\n\n"
-    "Go on from a record of export_record(), of this or of another process.";
 
 PyObject *bd_core_sim_import(PyObject *object, PyObject *record) {
   bd_core_sim *self = (bd_core_sim *)object;
@@ -87,7 +77,7 @@ static PyObject *read_stats(bd_core_sim *self) {
   bd_stats stats = {0};
   bd_sim_stats(self->sim, &stats);
   PyObject *dict = PyDict_New();
-#define X(type, name, text) BD_CORE_SET_NUMBER(dict, stats, name)
+#define X(type, name, text) BD_CORE_SET_VALUE(dict, stats, name)
   BD_STATS(X)
 #undef X
   return dict;
@@ -160,20 +150,12 @@ static PyObject *sim_passes(PyObject *object, void *Py_UNUSED(closure)) {
 
 static PyObject *sim_effects(PyObject *object, void *Py_UNUSED(closure)) {
   const bd_core_sim *self = (bd_core_sim *)object;
-  int rows[BD_MAX_PASSES], n = 0;
-  while (self->sim && n < BD_MAX_PASSES && (rows[n] = bd_sim_effect(self->sim, n)) >= 0) {
-    n++;
+  PyObject *list = PyList_New(0);
+  for (int k = 0; self->sim && bd_sim_effect(self->sim, k) >= 0; k++) {
+    list = bd_core_append(list, PyLong_FromLong(bd_sim_effect(self->sim, k)));
   }
-  PyObject *tuple = PyTuple_New(n);
-  for (int k = 0; tuple && k < n; k++) {
-    tuple = bd_core_put(tuple, k, PyLong_FromLong(rows[k]));
-  }
-  return tuple;
+  return bd_core_tuple(list);
 }
-
-const char bd_core_time_passes_doc[] =
-    "time_passes($self, rounds, /)\n--\n\n"
-    "Measure what the passes of a step cost at the state now reached, and end the run.";
 
 PyObject *bd_core_sim_time_passes(PyObject *object, PyObject *argument) {
   bd_core_sim *self = (bd_core_sim *)object;

@@ -181,17 +181,11 @@ static void model_dealloc(PyObject *object) {
   Py_DECREF(type);
 }
 
-PyDoc_STRVAR(check_geometry_doc,
-             "check_geometry($self, /)\n--\n\nCheck that the belt can run on the pulleys.");
-
 static PyObject *model_check_geometry(PyObject *self, PyObject *Py_UNUSED(none)) {
   bd_error err = {0};
   const int code = bd_model_check_geometry(((bd_core_model *)self)->model, &err);
   return bd_core_result(Py_NewRef(Py_None), code, &err);
 }
-
-PyDoc_STRVAR(rate_doc,
-             "rate($self, /, state, torque)\n--\n\nTime derivative of a state under the model.");
 
 static PyObject *model_rate(PyObject *object, PyObject *args, PyObject *keywords) {
   const bd_core_model *self = (bd_core_model *)object;
@@ -215,9 +209,6 @@ static PyObject *model_rate(PyObject *object, PyObject *args, PyObject *keywords
   return result;
 }
 
-PyDoc_STRVAR(observe_doc, "observe($self, /, state)\n--\n\n"
-                          "What a run would sample at a state, without torques.");
-
 static PyObject *model_observe(PyObject *object, PyObject *mapping) {
   const bd_core_model *self = (bd_core_model *)object;
   bd_state state;
@@ -235,10 +226,6 @@ static PyObject *model_observe(PyObject *object, PyObject *mapping) {
   Py_XDECREF(given);
   return dict;
 }
-
-PyDoc_STRVAR(set_going_doc,
-             "set_going($self, /, state, speed)\n--\n\n"
-             "A state with its belt running along itself and all pulleys turning with it.");
 
 static PyObject *model_set_going(PyObject *object, PyObject *args, PyObject *keywords) {
   const bd_core_model *self = (bd_core_model *)object;
@@ -259,10 +246,6 @@ static PyObject *model_set_going(PyObject *object, PyObject *args, PyObject *key
   Py_XDECREF(given);
   return result;
 }
-
-PyDoc_STRVAR(solve_doc,
-             "solve($self, /, state, g, c)\n--\n\n"
-             "k of (1 - g J) k = g c, J the Jacobian of rate() at a state, torques constant.");
 
 static PyObject *model_solve(PyObject *object, PyObject *args, PyObject *keywords) {
   const bd_core_model *self = (bd_core_model *)object;
@@ -285,9 +268,6 @@ static PyObject *model_solve(PyObject *object, PyObject *args, PyObject *keyword
   Py_XDECREF(given);
   return result;
 }
-
-PyDoc_STRVAR(jacobian_doc, "jacobian($self, state, /)\n--\n\n"
-                           "Entries of the Jacobian of rate() at a state: rows, columns, values.");
 
 static PyObject *copied(int type, const void *from, size_t n) {
   const npy_intp length = (npy_intp)n;
@@ -328,26 +308,21 @@ static PyObject *model_belt(PyObject *object, void *Py_UNUSED(closure)) {
 static PyObject *model_info(PyObject *object, void *Py_UNUSED(closure)) {
   const bd_core_model *self = (const bd_core_model *)object;
   PyObject *dict = PyDict_New();
-#define X(type, name, text) BD_CORE_SET_NUMBER(dict, self->info, name)
+#define X(type, name, text) BD_CORE_SET_VALUE(dict, self->info, name)
   BD_INFO(X)
 #undef X
   return dict;
 }
 
-PyDoc_STRVAR(
-    friction_doc,
-    "Friction of each pulley: a tuple of (name of the law or \"none\", coefficient in full\n"
-    "slip [1], slip in which friction develops at rest [m]).");
-
 static PyObject *model_friction(PyObject *object, void *Py_UNUSED(closure)) {
   const bd_core_model *self = (const bd_core_model *)object;
-  PyObject *all = PyTuple_New(self->info.n_pulleys);
-  for (int j = 0; all && j < self->info.n_pulleys; j++) {
+  PyObject *all = PyList_New(0);
+  for (int j = 0; j < self->info.n_pulleys; j++) {
     double kinetic, slip;
     const int law = bd_model_friction(self->model, j, &kinetic, &slip);
-    all = bd_core_put(all, j, Py_BuildValue("(sdd)", bd_law_name(law), kinetic, slip));
+    all = bd_core_append(all, Py_BuildValue("(sdd)", bd_law_name(law), kinetic, slip));
   }
-  return all;
+  return bd_core_tuple(all);
 }
 
 static PyObject *model_sizes(PyObject *object, void *Py_UNUSED(closure)) {
@@ -372,15 +347,12 @@ static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) 
   };
   const bd_core_model *self = (const bd_core_model *)object;
   int terms[BD_N_ENERGY], n = bd_model_energy_terms(self->model, terms);
-  PyObject *all = PyTuple_New(n);
-  for (int k = 0; all && k < n; k++) {
-    all = bd_core_put(all, k, PyUnicode_FromString(names[terms[k]]));
+  PyObject *all = PyList_New(0);
+  for (int k = 0; k < n; k++) {
+    all = bd_core_append(all, PyUnicode_FromString(names[terms[k]]));
   }
-  return all;
+  return bd_core_tuple(all);
 }
-
-PyDoc_STRVAR(centers_doc, "centers($self, travel, /)\n--\n\n"
-                          "Axes of all pulleys (n_p, 2) [m] at travels of the mounts (n_m,).");
 
 static PyObject *model_centers(PyObject *object, PyObject *travel) {
   bd_core_model *self = (bd_core_model *)object;
@@ -395,13 +367,27 @@ static PyObject *model_centers(PyObject *object, PyObject *travel) {
 }
 
 static PyMethodDef model_methods[] = {
-    {"check_geometry", model_check_geometry, METH_NOARGS, check_geometry_doc},
-    {"centers", model_centers, METH_O, centers_doc},
-    BD_CORE_KEYWORDS("solve", model_solve, solve_doc),
-    {"jacobian", model_jacobian, METH_O, jacobian_doc},
-    BD_CORE_KEYWORDS("set_going", model_set_going, set_going_doc),
-    {"observe", model_observe, METH_O, observe_doc},
-    BD_CORE_KEYWORDS("rate", model_rate, rate_doc),
+    {"check_geometry", model_check_geometry, METH_NOARGS,
+     "check_geometry($self, /)\n--\n\nCheck that the belt can run on the pulleys."},
+    {"centers", model_centers, METH_O,
+     "centers($self, travel, /)\n--\n\n"
+     "Axes of all pulleys (n_p, 2) [m] at travels of the mounts (n_m,)."},
+    BD_CORE_KEYWORDS(
+        "solve", model_solve,
+        "solve($self, /, state, g, c)\n--\n\n"
+        "k of (1 - g J) k = g c, J the Jacobian of rate() at a state, torques constant."),
+    {"jacobian", model_jacobian, METH_O,
+     "jacobian($self, state, /)\n--\n\n"
+     "Entries of the Jacobian of rate() at a state: rows, columns, values."},
+    BD_CORE_KEYWORDS("set_going", model_set_going,
+                     "set_going($self, /, state, speed)\n--\n\n"
+                     "A state with its belt running along itself and all pulleys turning with it."),
+    {"observe", model_observe, METH_O,
+     "observe($self, state, /)\n--\n\n"
+     "What a run would sample at a state, without torques."},
+    BD_CORE_KEYWORDS(
+        "rate", model_rate,
+        "rate($self, /, state, torque)\n--\n\nTime derivative of a state under the model."),
     {NULL, NULL, 0, NULL},
 };
 
@@ -415,18 +401,18 @@ static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
   return (PyObject *)travel;
 }
 
-#define X(name, text) BD_CORE_SET_NUMBER(dict, numbers, name)
+#define X(name, text) BD_CORE_SET_VALUE(dict, numbers, name)
 #define NUMBERS_OF(part, TABLE)                                                                    \
   static PyObject *model_##part##s(PyObject *object, void *Py_UNUSED(closure)) {                   \
     const bd_core_model *self = (const bd_core_model *)object;                                     \
-    PyObject *all = PyTuple_New(self->info.n_##part##s);                                           \
-    for (int k = 0; all && k < self->info.n_##part##s; k++) {                                      \
+    PyObject *all = PyList_New(0);                                                                 \
+    for (int k = 0; k < self->info.n_##part##s; k++) {                                             \
       const bd_##part##_numbers numbers = bd_model_##part(self->model, k);                         \
       PyObject *dict = PyDict_New();                                                               \
       TABLE(X)                                                                                     \
-      all = bd_core_put(all, k, dict);                                                             \
+      all = bd_core_append(all, dict);                                                             \
     }                                                                                              \
-    return all;                                                                                    \
+    return bd_core_tuple(all);                                                                     \
   }
 NUMBERS_OF(mount, BD_MOUNT_NUMBERS)
 NUMBERS_OF(coupling, BD_COUPLING_NUMBERS)
@@ -437,7 +423,10 @@ static PyGetSetDef model_properties[] = {
     {"info", model_info, NULL,
      "Numbers of the model and constants derived from it (struct bd_info), a new dict [SI].", NULL},
     {"belt", model_belt, NULL, "Name of its row in BELTS.", NULL},
-    {"friction", model_friction, NULL, friction_doc, NULL},
+    {"friction", model_friction, NULL,
+     "Friction of each pulley: a tuple of (name of the law or \"none\", coefficient in full\n"
+     "slip [1], slip in which friction develops at rest [m]).",
+     NULL},
     {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
     {"sizes", model_sizes, NULL,
      "How many values fields and outputs of each size have; of PLANE vectors.", NULL},
@@ -449,14 +438,12 @@ static PyGetSetDef model_properties[] = {
     {NULL, NULL, NULL, NULL, NULL},
 };
 
-PyDoc_STRVAR(model_doc,
-             "Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
+static PyType_Slot model_slots[] = {
+    {Py_tp_doc,
+     (void *)"Model(belt, centers, radii, inertias, contact, friction, gravity, drag=None,\n"
              "      pulley_friction=None, mesh='paper', outside=None, names=None, mounts=None,\n"
              "      model='links', couplings=None)\n--\n\n"
-             "A checked, constant scene; may be shared by simulations in any thread.");
-
-static PyType_Slot model_slots[] = {
-    {Py_tp_doc, (void *)model_doc},
+             "A checked, constant scene; may be shared by simulations in any thread."},
     {Py_tp_new, model_new},
     {Py_tp_traverse, model_traverse},
     {Py_tp_dealloc, model_dealloc},

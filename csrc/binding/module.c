@@ -80,16 +80,9 @@ PyObject *bd_core_result(PyObject *result, int code, const bd_error *err) {
 
 /* --- functions ------------------------------------------------------------------------------- */
 
-PyDoc_STRVAR(kernel_level_doc,
-             "kernel_level()\n--\n\n"
-             "Level of the compute kernels in use: \"avx512\", \"avx2\" or \"baseline\".");
-
 static PyObject *kernel_level(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(none)) {
   return PyUnicode_FromString(bd_kernel_level());
 }
-
-PyDoc_STRVAR(check_parameter_doc, "check_parameter(group, name, label, value, /)\n--\n\n"
-                                  "Check a parameter against its rule in PARAMETERS.");
 
 static PyObject *check_parameter(PyObject *Py_UNUSED(module), PyObject *args) {
   const char *group, *name, *label;
@@ -103,10 +96,6 @@ static PyObject *check_parameter(PyObject *Py_UNUSED(module), PyObject *args) {
   const int code = bd_check_parameter(group, name, label, value, &err);
   return bd_core_result(Py_NewRef(Py_None), code, &err);
 }
-
-PyDoc_STRVAR(friction_law_doc,
-             "friction_law(friction, link_length, z, v, normal, element=0)\n--\n\n"
-             "A friction law at single links in contact, as the kernels in use evaluate it.");
 
 static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
   static const struct {
@@ -171,10 +160,6 @@ done:
   return result;
 }
 
-PyDoc_STRVAR(friction_states_doc,
-             "friction_states(friction)\n--\n\n"
-             "How many states a link has under a law, whose numbers are checked.");
-
 static PyObject *friction_states(PyObject *Py_UNUSED(module), PyObject *object) {
   bd_friction friction = {0};
   bd_error err = {0};
@@ -185,21 +170,29 @@ static PyObject *friction_states(PyObject *Py_UNUSED(module), PyObject *object) 
   return code < 0 ? bd_core_raise(code, &err) : PyLong_FromLong(bd_friction_states(&friction));
 }
 
-PyDoc_STRVAR(belt_line_doc, "belt_line(centers, radii, outside=None, names=None)\n--\n\n"
-                            "The tight belt line round pulleys: of each a bd_wrap; length, turns.");
-
-PyDoc_STRVAR(mount_directions_doc,
-             "mount_directions(kind, pair, centers, /)\n--\n\n"
-             "How axes at these centers move with the travel of a mount of that kind.");
-
 static PyMethodDef functions[] = {
-    {"kernel_level", kernel_level, METH_NOARGS, kernel_level_doc},
-    {"check_parameter", check_parameter, METH_VARARGS, check_parameter_doc},
-    BD_CORE_KEYWORDS("friction_law", friction_law, friction_law_doc),
-    {"friction_states", friction_states, METH_O, friction_states_doc},
-    BD_CORE_KEYWORDS("belt_line", bd_core_belt_line, belt_line_doc),
-    {"mount_directions", bd_core_mount_directions, METH_VARARGS, mount_directions_doc},
-    BD_CORE_KEYWORDS("span_tension", bd_core_span_tension, bd_core_span_tension_doc),
+    {"kernel_level", kernel_level, METH_NOARGS,
+     "kernel_level()\n--\n\n"
+     "Level of the compute kernels in use: \"avx512\", \"avx2\" or \"baseline\"."},
+    {"check_parameter", check_parameter, METH_VARARGS,
+     "check_parameter(group, name, label, value, /)\n--\n\n"
+     "Check a parameter against its rule in PARAMETERS."},
+    BD_CORE_KEYWORDS(
+        "friction_law", friction_law,
+        "friction_law(friction, link_length, z, v, normal, element=0)\n--\n\n"
+        "A friction law at single links in contact, as the kernels in use evaluate it."),
+    {"friction_states", friction_states, METH_O,
+     "friction_states(friction)\n--\n\n"
+     "How many states a link has under a law, whose numbers are checked."},
+    BD_CORE_KEYWORDS("belt_line", bd_core_belt_line,
+                     "belt_line(centers, radii, outside=None, names=None)\n--\n\n"
+                     "The tight belt line round pulleys: of each a bd_wrap; length, turns."),
+    {"mount_directions", bd_core_mount_directions, METH_VARARGS,
+     "mount_directions(kind, pair, centers, /)\n--\n\n"
+     "How axes at these centers move with the travel of a mount of that kind."},
+    BD_CORE_KEYWORDS("span_tension", bd_core_span_tension,
+                     "span_tension(pulley, force, n_pulleys)\n--\n\n"
+                     "Mean force of the joints of the free span that follows each pulley."),
     {NULL, NULL, 0, NULL},
 };
 
@@ -213,28 +206,6 @@ static int add(PyObject *module, const char *name, PyObject *value) {
   Py_DECREF(value);
   return failed;
 }
-
-/* A tuple of these references, which are taken; NULL, none of them kept, if one is NULL. */
-static PyObject *tuple_of(size_t n, PyObject *const *rows) {
-  PyObject *table = PyTuple_New((Py_ssize_t)n);
-  for (size_t k = 0; k < n; k++) {
-    if (table) {
-      table = bd_core_put(table, (Py_ssize_t)k, rows[k]);
-    } else {
-      Py_XDECREF(rows[k]);
-    }
-  }
-  return table;
-}
-
-/* Adds a table of fields.h: a row of Py_BuildValue for each of its rows. */
-#define ADD_TABLE(name, rows)                                                                      \
-  {                                                                                                \
-    PyObject *const of_table[] = {rows(X)};                                                        \
-    if (add(module, name, tuple_of(sizeof of_table / sizeof of_table[0], of_table)) < 0) {         \
-      return -1;                                                                                   \
-    }                                                                                              \
-  }
 
 static PyObject *method_names(void) {
   PyObject *list = PyList_New(0);
@@ -270,13 +241,10 @@ static PyObject *belt_table(void) {
                                    "model", bd_core_belt_models[facts->model], "fields",
                                    names_of(facts->fields, field_name), "lacks",
                                    names_of(facts->lacks, bd_size_name));
-#define X(name, text)                                                                              \
-  if (dict && bd_core_set(dict, #name, PyUnicode_FromString(facts->name)) < 0) {                   \
-    Py_CLEAR(dict);                                                                                \
-  }
+#define X(name, text) BD_CORE_SET_VALUE(dict, *facts, name)
     BD_BELT_TEXTS(X)
 #undef X
-#define X(type, name, text) BD_CORE_SET_NUMBER(dict, *facts, name)
+#define X(type, name, text) BD_CORE_SET_VALUE(dict, *facts, name)
     BD_BELT_FACTS(X)
 #undef X
     list = bd_core_append(list, dict);
@@ -292,31 +260,41 @@ static PyObject *effect_table(void) {
   return bd_core_tuple(list);
 }
 
+/* Adds a table of fields.h, whose rows X appends to the list. */
+#define ADD_TABLE(name, ROWS)                                                                      \
+  list = PyList_New(0);                                                                            \
+  ROWS(X)                                                                                          \
+  if (add(module, name, bd_core_tuple(list)) < 0) {                                                \
+    return -1;                                                                                     \
+  }
+
+#define ROW(...) list = bd_core_append(list, Py_BuildValue(__VA_ARGS__));
+
 static int add_tables(PyObject *module) {
+  PyObject *list;
 #define X(rule, wording, least, above, most)                                                       \
-  Py_BuildValue("(ssdOd)", #rule, wording, (double)(least), above ? Py_True : Py_False,            \
-                (double)(most)),
+  ROW("(ssdOd)", #rule, wording, (double)(least), above ? Py_True : Py_False, (double)(most))
   ADD_TABLE("RULES", BD_RULES)
 #undef X
-#define X(group, name, rule, unit, text) Py_BuildValue("(sssss)", #group, #name, #rule, unit, text),
+#define X(group, name, rule, unit, text) ROW("(sssss)", #group, #name, #rule, unit, text)
   ADD_TABLE("PARAMETERS", BD_PARAMETERS)
 #undef X
-#define X(name, class, general, states, text) Py_BuildValue("(sss)", #name, #class, text),
+#define X(name, class, general, states, text) ROW("(sss)", #name, #class, text)
   ADD_TABLE("LAWS", BD_LAWS)
 #undef X
-#define X(symbol, name, size, scale, unit, text) Py_BuildValue("(ssss)", #name, #size, unit, text),
+#define X(symbol, name, size, scale, unit, text) ROW("(ssss)", #name, #size, unit, text)
   ADD_TABLE("STATE_FIELDS", BD_STATE_FIELDS)
 #undef X
-#define X(name, group, size, unit, text) Py_BuildValue("(sssss)", #name, #group, #size, unit, text),
+#define X(name, group, size, unit, text) ROW("(sssss)", #name, #group, #size, unit, text)
   ADD_TABLE("OUTPUTS", BD_OUTPUTS)
 #undef X
-#define X(name, kind, text) Py_BuildValue("(sss)", #name, #kind, text),
+#define X(name, kind, text) ROW("(sss)", #name, #kind, text)
   ADD_TABLE("ENERGY_TERMS", BD_ENERGY_TERMS)
 #undef X
-#define X(type, name, text) Py_BuildValue("(ss)", #name, text),
+#define X(type, name, text) ROW("(ss)", #name, text)
   ADD_TABLE("STATS", BD_STATS)
 #undef X
-#define X(symbol, kind, text) Py_BuildValue("(siss)", #symbol, symbol, #kind, text),
+#define X(symbol, kind, text) ROW("(siss)", #symbol, symbol, #kind, text)
   ADD_TABLE("ERRORS", BD_ERRORS)
 #undef X
   return add(module, "METHODS", method_names()) < 0 || add(module, "EFFECTS", effect_table()) < 0 ||

@@ -126,10 +126,6 @@ int bd_core_output_new(bd_output *output, PyObject *keep, PyObject *dict, const 
   return 0;
 }
 
-const char bd_core_span_tension_doc[] =
-    "span_tension(pulley, force, n_pulleys)\n--\n\n"
-    "Mean force of the joints of the free span that follows each pulley.";
-
 PyObject *bd_core_span_tension(PyObject *Py_UNUSED(module), PyObject *args, PyObject *keywords) {
   PyObject *touched_object, *force_object;
   long np = 0;

@@ -293,13 +293,14 @@ PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObjec
   } else if (bd_belt_line(n, pulleys, wraps, &length, &turns, &err) < 0) {
     bd_core_raise(err.code, &err);
   } else {
-    rows = PyTuple_New(n);
+    rows = PyList_New(0);
   }
   for (int j = 0; rows && j < n; j++) {
     const bd_wrap *wrap = &wraps[j];
-    rows = bd_core_put(rows, j,
-                       Py_BuildValue("(dddi)", wrap->arrive, wrap->wrap, wrap->span, wrap->sense));
+    rows = bd_core_append(
+        rows, Py_BuildValue("(dddi)", wrap->arrive, wrap->wrap, wrap->span, wrap->sense));
   }
+  rows = bd_core_tuple(rows);
   PyMem_Free(wraps);
   PyMem_Free(pulleys);
   return rows ? Py_BuildValue("(Ndi)", rows, length, turns) : NULL;

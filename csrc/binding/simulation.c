@@ -124,12 +124,6 @@ static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
   return finish(self, code, &err);
 }
 
-PyDoc_STRVAR(settle_doc,
-             "settle($type, /, model, state=None, *, friction=False, free_pulleys=False,\n"
-             "       offset=None, move_time=0.0, shift=0.0, tolerance=..., max_time=0.0,\n"
-             "       speed=0.0)\n--\n\n"
-             "A simulation that brings the belt to rest under preload.");
-
 static PyObject *sim_settle(PyObject *type, PyObject *args, PyObject *keywords) {
   PyObject *model, *mapping = Py_None, *offset = Py_None;
   bd_settle_options options;
@@ -216,9 +210,6 @@ static void sim_dealloc(PyObject *object) {
 }
 
 /* --- samples --------------------------------------------------------------------------------- */
-
-PyDoc_STRVAR(sample_doc, "sample($self, /, t, outputs=None)\n--\n\n"
-                         "Attach sample times; once, before the first advance().");
 
 static PyObject *attach_samples(bd_core_sim *self, PyArrayObject *t, PyObject *wanted) {
   if (self->outputs || self->started) {
@@ -316,10 +307,6 @@ static int advance_chunk(bd_core_sim *self, double left, bd_error *err) {
   return code;
 }
 
-PyDoc_STRVAR(advance_doc,
-             "advance($self, /, seconds)\n--\n\n"
-             "Run for about this much wall time [s]; True at the end of the run, else False.");
-
 static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keywords) {
   bd_core_sim *self = (bd_core_sim *)object;
   PyObject *argument;
@@ -362,9 +349,6 @@ static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keyword
   return bd_core_result(PyBool_FromLong(code == BD_OK), code, &err);
 }
 
-PyDoc_STRVAR(stop_doc, "stop($self, /)\n--\n\n"
-                       "End the run soon: for other threads, and for callbacks that cannot raise.");
-
 static PyObject *sim_stop(PyObject *object, PyObject *Py_UNUSED(none)) {
   ((bd_core_sim *)object)->stop = 1;
   Py_RETURN_NONE;
@@ -374,28 +358,48 @@ static PyObject *sim_stop(PyObject *object, PyObject *Py_UNUSED(none)) {
 
 static PyMethodDef sim_methods[] = {
     {"settle", (PyCFunction)(void (*)(void))sim_settle, METH_VARARGS | METH_KEYWORDS | METH_CLASS,
-     settle_doc},
-    BD_CORE_KEYWORDS("sample", sim_sample, sample_doc),
-    BD_CORE_KEYWORDS("advance", sim_advance, advance_doc),
-    {"stop", sim_stop, METH_NOARGS, stop_doc},
-    {"state", bd_core_sim_state, METH_NOARGS, bd_core_state_doc},
-    {"export_record", bd_core_sim_export, METH_NOARGS, bd_core_export_doc},
-    {"import_record", bd_core_sim_import, METH_O, bd_core_import_doc},
-    {"time_passes", bd_core_sim_time_passes, METH_O, bd_core_time_passes_doc},
+     "settle($type, /, model, state=None, *, friction=False, free_pulleys=False,\n"
+     "       offset=None, move_time=0.0, shift=0.0, tolerance=..., max_time=0.0,\n"
+     "       speed=0.0)\n--\n\n"
+     "A simulation that brings the belt to rest under preload."},
+    BD_CORE_KEYWORDS("sample", sim_sample,
+                     "sample($self, /, t, outputs=None)\n--\n\n"
+                     "Attach sample times; once, before the first advance()."),
+    BD_CORE_KEYWORDS(
+        "advance", sim_advance,
+        "advance($self, /, seconds)\n--\n\n"
+        "Run for about this much wall time [s]; True at the end of the run, else False."),
+    {"stop", sim_stop, METH_NOARGS,
+     "stop($self, /)\n--\n\n"
+     "End the run soon: for other threads, and for callbacks that cannot raise."},
+    {"state", bd_core_sim_state, METH_NOARGS,
+     "state($self, /)\n--\n\n"
+     "The state now, a dict of new arrays, and \"t\" [s]."},
+    {"export_record", bd_core_sim_export, METH_NOARGS,
+     "export_record($self, /)\n--\n\n"
+     "Everything that the run needs to go on bit for bit, as bytes."},
+    {"import_record", bd_core_sim_import, METH_O,
+     "import_record($self, record, /)\n--\n\n"
+     "Go on from a record of export_record(), of this or of another process."},
+    {"time_passes", bd_core_sim_time_passes, METH_O,
+     "time_passes($self, rounds, /)\n--\n\n"
+     "Measure what the passes of a step cost at the state now reached, and end the run."},
     {NULL, NULL, 0, NULL},
 };
 
-PyDoc_STRVAR(sim_doc,
-             "Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
+static PyType_Slot sim_slots[] = {
+    {Py_tp_doc,
+     (void *)"Simulation(model, state, torque, t_end, *, method='auto', rtol=..., step=0.0,\n"
              "           max_step=0.0, max_steps=0, ledger=True, breakpoints=(),\n"
              "           torque_interval=..., guards=True, motion=())\n--\n\n"
-             "One run; not to be used by two threads at once (RuntimeError).");
-
-static PyType_Slot sim_slots[] = {
-    {Py_tp_doc, (void *)sim_doc},           {Py_tp_new, sim_new},
-    {Py_tp_traverse, sim_traverse},         {Py_tp_clear, sim_clear},
-    {Py_tp_dealloc, sim_dealloc},           {Py_tp_methods, sim_methods},
-    {Py_tp_getset, bd_core_sim_properties}, {0, NULL},
+             "One run; not to be used by two threads at once (RuntimeError)."},
+    {Py_tp_new, sim_new},
+    {Py_tp_traverse, sim_traverse},
+    {Py_tp_clear, sim_clear},
+    {Py_tp_dealloc, sim_dealloc},
+    {Py_tp_methods, sim_methods},
+    {Py_tp_getset, bd_core_sim_properties},
+    {0, NULL},
 };
 
 static PyType_Spec sim_spec = {

@@ -34,8 +34,6 @@ PyObject *bd_core_sim_state(PyObject *object, PyObject *none);
 PyObject *bd_core_sim_export(PyObject *object, PyObject *none);
 PyObject *bd_core_sim_import(PyObject *object, PyObject *record);
 PyObject *bd_core_sim_time_passes(PyObject *object, PyObject *argument);
-extern const char bd_core_state_doc[], bd_core_export_doc[], bd_core_import_doc[],
-    bd_core_time_passes_doc[];
 extern PyGetSetDef bd_core_sim_properties[];
 
 #endif

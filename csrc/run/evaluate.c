@@ -103,19 +103,20 @@ int bd_model_solve(const bd_model *model, const bd_state *state, double g, const
 }
 
 /* Numbers of the unknowns, by entry of the vector; how many there are. */
-static size_t number_unknowns(const bd_layout *lay, int *place) {
-  int next = 0;
+static size_t number_unknowns(const bd_model *model, int *place) {
+  const bd_layout *lay = &model->lay;
+  size_t next = 0;
   for (int row = 0; row < BD_N_FIELDS; ++row) {
     const int length = bd_field_length(lay, row), pieces = bd_field_pieces(lay, row);
     for (int k = 0; k < pieces; ++k) {
       for (int i = 0; i < length; ++i) {
-        place[bd_field_offset(lay, row, k) + (size_t)i] = next + k * length + i;
+        place[bd_field_offset(lay, row, k) + (size_t)i] = (int)next + k * length + i;
       }
     }
     /* directions of a string are in the caller's arrays all the same */
-    next += length * (bd_state_fields[row].size == BD_SIZE_LINKS ? 1 : pieces);
+    next += bd_size(&model->info, bd_state_fields[row].size);
   }
-  return (size_t)next;
+  return next;
 }
 
 static bd_jacobian *carve_jacobian(bd_carver *carver, const bd_layout *lay, size_t n, int **place) {
@@ -146,7 +147,7 @@ int bd_model_jacobian(const bd_model *model, const bd_state *state, bd_jacobian 
     if (block) {
       carver = (bd_carver){.base = block};
       *out = carve_jacobian(&carver, &model->lay, counted.n, &place);
-      (*out)->size = number_unknowns(&model->lay, place);
+      (*out)->size = number_unknowns(model, place);
       (*out)->n = counted.n;
       bd_entries entries = {place, 0, (*out)->rows, (*out)->columns, (*out)->values};
       model->belt_model->newton->entries(&at->newton, &at->plan, at->y, at->stage[1], &entries);
