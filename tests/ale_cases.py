@@ -177,6 +177,7 @@ def main() -> None:
     put_case("serpentine", bd.scenes.serpentine(120).params, (-300.0, 300.0))
     put_case("slider", u, slow, mounts={1: slider}, **down)
     put_case("two_sliders", u, slow, mounts={0: other, 1: slider})
+    put_case("slider_loses", u, slow, mounts={1: slider}, bending_damping=1e-4)
     put_case("path", u, slow, mounts={0: other, 1: path})
     for name, law in (laws.EXAMPLES | {f"{k}_curve": v for k, v in laws.STRIBECK.items()}).items():
         put_case(f"law_{name}", attrs.evolve(u, friction=law), slow, n=2)

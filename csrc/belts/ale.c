@@ -292,6 +292,8 @@ bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y) {
       lost.bending +=
           0.5 * ale->bending_damping * span->length * k2 * k2 * span->da[n] * span->da[n];
     }
+    lost.bending += span->losing[0] * ale->past[arc->begin + arc->n] +
+                    span->losing[1] * ale->past[ale->arcs[arc->next].begin];
     lost.friction += arc->slip_loss;
   }
   return lost;

@@ -401,7 +401,7 @@ static void prepare_answers(const filling *f, int i) {
 
 /* Of span i the forces on both axes by a column, but for what its modes' rates add. */
 static void push_by_span(const filling *f, int i, place column, const span_move *by,
-                         double pressing) {
+                         double pressing, const double losing[2]) {
   const bd_ale *ale = f->ale;
   const bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arcs[2] = {&ale->arcs[i], &ale->arcs[ale->arcs[i].next]};
@@ -409,6 +409,9 @@ static void push_by_span(const filling *f, int i, place column, const span_move 
   const double lift = pressing / ale->rest * span->tilt / span->length;
   const double per = 4.0 * ale->density / span->stretch, half = 0.5 * ale->density;
   const double across = ale->across[nodes[1]] - ale->across[nodes[0]];
+  const double sided =
+      (arcs[0]->side * arcs[0]->radius * losing[0] + arcs[1]->side * arcs[1]->radius * losing[1]) /
+      span->length;
   double rates[2], sum = 0.0, sum_by = 0.0;
   for (int end = 0; end < 2; ++end) {
     const bd_ale_axis *axis = &arcs[end]->axis;
@@ -430,10 +433,10 @@ static void push_by_span(const filling *f, int i, place column, const span_move 
       gives += 0.5 * ale->parts[end][n] * span->dp[n];
     }
     const double sign = end == 0 ? 1.0 : -1.0;
-    const double push = ale->density * by->m * gives + sign * (swings - lift);
+    const double push = ale->density * by->m * gives + sign * (swings - lift - sided);
     const int j = end == 0 ? i : ale->arcs[i].next;
     const double bears = half * by->m * bears_of(f, j, nodes[end], 0);
-    push_by(f, j, nodes[end], column, 0.0, push + bears + carries);
+    push_by(f, j, nodes[end], column, losing[end], push + bears + carries);
   }
 }
 
@@ -497,16 +500,22 @@ static void fill_span(const filling *f, int i) {
     by.stretch = by.elastic / EA;
     carries -= through * apart / span->stretch * by.stretch;
     const double thrown = ale->density * span->past / span->stretch;
-    push_by_span(f, i, column, &by,
-                 by.elastic + thrown * span->past / span->stretch * by.stretch -
-                     2.0 * thrown * by.past);
+    const double pressing =
+        by.elastic + thrown * span->past / span->stretch * by.stretch - 2.0 * thrown * by.past;
+    const double rises = span->pressing > BD_ALE_LEAST * ale->rest ? 0.5 / span->pressing : 0.0;
+    double losing[2];
+    for (int end = 0; end < 2; ++end) {
+      losing[end] =
+          span->losing[end] * rises * pressing + (c == 1 + end ? span->per_losing[end] : 0.0);
+    }
+    push_by_span(f, i, column, &by, pressing, losing);
     const bd_ale_answer own = answer_of(f, i, &by);
     for (int end = 0; end < 2; ++end) {
       const int j = end == 0 ? i : arc->next, k = end == 0 ? arc->n : 0;
       const double sign = end == 0 ? 1.0 : -1.0;
       const double mass = c == 0 ? half * by_mass(f, end == 0 ? slot : after) : 0.0;
       add(f, (place){block, 1 + end}, column, own.v[end]);
-      total_by(f, j, k, column, sign * (by.elastic + damping) - carries + mass);
+      total_by(f, j, k, column, sign * (by.elastic + damping) - carries + mass - losing[end]);
       stretch_by(f, j, k, column, by.stretch);
     }
     for (int r = 0; r < K; ++r) {

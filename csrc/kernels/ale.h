@@ -15,7 +15,7 @@
 
 #include "kernels/kernels.h"
 
-enum { BD_ALE_MODES = 8, BD_ALE_KNOTS = 200, BD_ALE_BLOCK = 3 + 4 * BD_MAX_ELEMENTS };
+enum { BD_ALE_MODES = 8, BD_ALE_KNOTS = 100, BD_ALE_BLOCK = 3 + 4 * BD_MAX_ELEMENTS };
 
 /* X(H) of a span, without its part of 1/S, over log H: a cubic spline by values and slopes times
  * the knots' distance; and its integral over H, by which energy is known. */
@@ -65,6 +65,7 @@ typedef struct bd_ale_span {
   double rest[BD_ALE_MODES]; /* A_n */
   /* momentum: a', G a, a + b, p~', and sums of theirs; c' */
   double da[BD_ALE_MODES], ga[BD_ALE_MODES], ab[BD_ALE_MODES], dp[BD_ALE_MODES];
+  double losing[2], per_losing[2]; /* damped bending at both ends; over c of the node there */
   double lateral, first, added, quickens, matrix[3];
   double coupling; /* inertia by which mounts at both ends feel each other */
 } bd_ale_span;
@@ -85,8 +86,10 @@ typedef struct bd_ale_span {
   X(per_stretch) /* J, 1 / lambda */                                                               \
   X(sink)                                                                                          \
   X(stretch)                                                                                       \
-  X(elastic) X(tension)                  /* cells: d, lambda, T without damping, T */              \
-      X(pressing) X(bent)                /* H, energy of bending per metre */                      \
+  X(elastic)                                                                                       \
+  X(tension) /* cells: d, lambda, T without damping, T */                                          \
+  X(pressing)                                                                                      \
+  X(bent)                                /* H, energy of bending per metre */                      \
       X(force_a) X(force_b)              /* of friction */                                         \
       X(carried_t) X(carried_n) X(total) /* F (u' - u) along t, n; what moves nodes */
 

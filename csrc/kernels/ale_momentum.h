@@ -88,6 +88,20 @@ INLINE void carry_speed(bd_ale *ale, const bd_ale_state *y, int j) {
   ale->carried_n[last] = through * (ale->across[after] - ale->across[last]);
 }
 
+/* Where the belt runs off a pulley, or on, its curvature rises to 1 / R as exp(x / l); damping
+ * takes what its rate, by which the belt runs, squared is worth. */
+INLINE void lose_at_ends(bd_ale *ale, int i, const int nodes[2]) {
+  bd_ale_span *span = &ale->spans[i];
+  const double H = fmax(span->pressing, BD_ALE_LEAST * ale->rest);
+  const int loses = ale->bending_damping > 0.0 && ale->bending > 0.0;
+  for (int end = 0; end < 2; ++end) {
+    const double square = span->curvature[end] * span->curvature[end];
+    span->per_losing[end] =
+        loses ? 0.5 * ale->bending_damping * square * sqrt(H / ale->bending) : 0.0;
+    span->losing[end] = span->per_losing[end] * ale->past[nodes[end]];
+  }
+}
+
 /* Both ends of a span: consistent mass and the reaction of its modes together. */
 INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int i) {
   bd_ale_span *span = &ale->spans[i];
@@ -95,8 +109,9 @@ INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = ale->modes;
   const double density = ale->density, m = y->m[k], mu = density * m / 6.0;
   const double quarter = 0.25 * span->added, half = 0.5 * span->first;
-  const double f_0 = ale->total[k] + span->lateral - half;
-  const double f_1 = ale->total[after] - span->lateral - half;
+  lose_at_ends(ale, i, (const int[2]){k, after});
+  const double f_0 = ale->total[k] + span->lateral - half - span->losing[0];
+  const double f_1 = ale->total[after] - span->lateral - half - span->losing[1];
   const double k_00 = 0.5 * density * (m + y->m[k - 1]) - mu + quarter;
   const double k_11 = 0.5 * density * (m + y->m[after]) - mu + quarter;
   const double k_01 = mu + quarter, per = 1.0 / (k_00 * k_11 - k_01 * k_01);
@@ -151,6 +166,9 @@ INLINE void push_ends(bd_ale *ale, const bd_ale_state *y, int i) {
   bd_ale_arc *arcs[2] = {&ale->arcs[i], &ale->arcs[ale->arcs[i].next]};
   const double mass = ale->density * y->m[arcs[0]->begin + arcs[0]->n];
   const double lift = (span->pressing / ale->rest - 1.0) * span->tilt / span->length;
+  const double sided = (arcs[0]->side * arcs[0]->radius * span->losing[0] +
+                        arcs[1]->side * arcs[1]->radius * span->losing[1]) /
+                       span->length;
   double rates[2], gives[2], levers[2], swings = 0.0;
   for (int end = 0; end < 2; ++end) {
     const bd_ale_axis *axis = &arcs[end]->axis;
@@ -170,9 +188,9 @@ INLINE void push_ends(bd_ale *ale, const bd_ale_state *y, int i) {
   swings *= 4.0 * ale->density / span->stretch * span->past;
   for (int end = 0; end < 2; ++end) {
     const double sign = end == 0 ? 1.0 : -1.0;
-    const double push = mass * gives[end] + sign * (swings - lift);
-    arcs[end]->force[0] -= push * span->n[0];
-    arcs[end]->force[1] -= push * span->n[1];
+    const double push = mass * gives[end] + sign * (swings - lift - sided);
+    arcs[end]->force[0] += span->losing[end] * span->e[0] - push * span->n[0];
+    arcs[end]->force[1] += span->losing[end] * span->e[1] - push * span->n[1];
     arcs[end]->inertia += mass * ale->left_over[2 * end] * levers[end] * levers[end];
   }
   span->coupling = mass * ale->left_over[1] * levers[0] * levers[1];
