@@ -5,7 +5,6 @@
 #ifndef BELTDYN_BELTS_ALE_H
 #define BELTDYN_BELTS_ALE_H
 
-#include "kernels/ale.h"
 #include "model/model.h"
 
 /* Of an arc, or its pulley. */

@@ -13,7 +13,7 @@
 
 #include <math.h>
 
-#include "kernels/kernels.h"
+#include "base/base.h"
 
 enum { BD_ALE_MODES = 8, BD_ALE_KNOTS = 100, BD_ALE_BLOCK = 3 + 4 * BD_MAX_ELEMENTS };
 
@@ -70,28 +70,16 @@ typedef struct bd_ale_span {
   double coupling; /* inertia by which mounts at both ends feel each other */
 } bd_ale_span;
 
-/* A block of numbers by slot each. */
+/* A block of numbers by slot each. Fixed: of nodes the fraction of the wrap, 1 in cells of arcs,
+ * else 0. Frozen in a step: W at both ends of cells. Of nodes: t, Omega, V.n; w, c; J, 1 / lambda.
+ * Of cells: d, lambda, T without damping and with it, H, energy of bending per metre; friction at
+ * both ends, F (u' - u) along t and n. Of nodes what moves them. */
 #define BD_ALE_SLOTS(X)                                                                            \
   X(fraction)                                                                                      \
-  X(is_cell) /* of the wrap, at nodes; 1 in cells of arcs, else 0 */                               \
-  X(share_a)                                                                                       \
-  X(share_b) /* W at both ends of cells, frozen in a step */                                       \
-  X(tx)                                                                                            \
-  X(ty)                                                                                            \
-  X(turn)                                                                                          \
-  X(across)                                                                                        \
-  X(slid)                                                                                          \
-  X(past) /* nodes: t, Omega, V.n, w, c */                                                         \
-  X(flow)                                                                                          \
-  X(per_stretch) /* J, 1 / lambda */                                                               \
-  X(sink)                                                                                          \
-  X(stretch)                                                                                       \
-  X(elastic)                                                                                       \
-  X(tension) /* cells: d, lambda, T without damping, T */                                          \
-  X(pressing)                                                                                      \
-  X(bent)                                /* H, energy of bending per metre */                      \
-      X(force_a) X(force_b)              /* of friction */                                         \
-      X(carried_t) X(carried_n) X(total) /* F (u' - u) along t, n; what moves nodes */
+  X(is_cell)                                                                                       \
+  X(share_a) X(share_b) X(tx) X(ty) X(turn) X(across) X(slid) X(past) X(flow) X(per_stretch)       \
+      X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent) X(force_a) X(force_b)           \
+          X(carried_t) X(carried_n) X(total)
 
 typedef struct bd_ale {
   int np, modes, slots, cells;

@@ -2,7 +2,7 @@
  *
  * A belt that flows, compiled once per instruction level: all of its rate.
  */
-#include "kernels/ale.h"
+#include "kernels/kernels.h"
 #include "kernels/vector.h"
 
 #include "kernels/laws.h"
