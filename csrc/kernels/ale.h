@@ -71,15 +71,17 @@ typedef struct bd_ale_span {
 } bd_ale_span;
 
 /* A block of numbers by slot each. Fixed: of nodes the fraction of the wrap, 1 in cells of arcs,
- * else 0. Frozen in a step: W at both ends of cells. Of nodes: t, Omega, V.n; w, c; J, 1 / lambda.
- * Of cells: d, lambda, T without damping and with it, H, energy of bending per metre; friction at
- * both ends, F (u' - u) along t and n. Of nodes what moves them. */
+ * else 0; in a step W at both ends of cells. Of nodes: t, Omega, V.n; w, c; J, 1 / lambda; what
+ * moves them. Of cells: d, lambda, T without damping and with it, H, energy of bending per metre.
+ * Of both ends of cells friction, and F (u' - u) along t and n. */
+#define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(share_a) X(share_b)
+#define BD_ALE_AT_NODES(X) X(tx) X(ty) X(turn) X(across) X(slid) X(past)
+#define BD_ALE_THROUGH_NODES(X) X(flow) X(per_stretch) X(total)
+#define BD_ALE_OF_CELLS(X) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent)
+#define BD_ALE_AT_ENDS(X) X(force_a) X(force_b) X(carried_t) X(carried_n)
 #define BD_ALE_SLOTS(X)                                                                            \
-  X(fraction)                                                                                      \
-  X(is_cell)                                                                                       \
-  X(share_a) X(share_b) X(tx) X(ty) X(turn) X(across) X(slid) X(past) X(flow) X(per_stretch)       \
-      X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent) X(force_a) X(force_b)           \
-          X(carried_t) X(carried_n) X(total)
+  BD_ALE_FIXED(X)                                                                                  \
+  BD_ALE_AT_NODES(X) BD_ALE_THROUGH_NODES(X) BD_ALE_OF_CELLS(X) BD_ALE_AT_ENDS(X)
 
 typedef struct bd_ale {
   int np, modes, slots, cells;

@@ -175,6 +175,9 @@ static void run_all(void) {
       check_state(&s, k, &bd_ale_baseline);
     }
     found = strcmp(s.name, argv[2]) == 0;
+    if (!found) {
+      bd_block_free(s.block);
+    }
   }
   if (!found) {
     ++failures;
