@@ -42,6 +42,8 @@ AVX512 = ["-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-mprefer-vector-wid
 LEVELS = {
     CORE / "kernels" / "rhs_avx2.c": AVX2,
     CORE / "kernels" / "rhs_avx512.c": AVX512,
+    CORE / "kernels" / "ale_avx2.c": AVX2,
+    CORE / "kernels" / "ale_avx512.c": AVX512,
     CORE / "kernels" / "newton_avx2.c": AVX2,
     CORE / "kernels" / "newton_avx512.c": AVX512,
 }

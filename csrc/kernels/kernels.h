@@ -6,6 +6,7 @@
 #define BELTDYN_KERNELS_H
 
 #include "base/base.h"
+#include "kernels/ale.h"
 
 /* --- rate: rhs.h ----------------------------------------------------------------------------- */
 

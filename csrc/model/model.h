@@ -342,6 +342,9 @@ static inline double bd_contact_depth(double c1, double c2, double force) {
 double bd_rest_tension(const bd_model *model, double speed);
 /* The same, about, of a belt with mounts, too. */
 double bd_running_tension(const bd_model *model, double speed);
+/* By how much the path is shorter at one end of a wrap than if the belt lay on its circle up to
+ * there, at this depth under this pull (tension times stretch). */
+double bd_shorter_at_end(double pull, double bending, double radius, double depth);
 /* Radius on which it runs under a tension at that speed: less by the depth by which it sinks in,
  * more by what a compensated contact begins further out. */
 double bd_running_radius(const bd_model *model, int j, double tension, double speed);

@@ -20,7 +20,7 @@
  *
  * curvature and shear continuous at x = 0. The belt line leaves its circle at x = R (b - K m). For
  * EI = 0: 5 / 12 p sqrt(p / R) longer. */
-static double shorter_at_end(double pull, double bending, double radius, double depth) {
+double bd_shorter_at_end(double pull, double bending, double radius, double depth) {
   const double p = depth, R = radius;
   if (!(bending > 0.0)) {
     return -5.0 / 12.0 * p * sqrt(p / R);
@@ -122,7 +122,7 @@ static double shorter(const bd_model *model, double tension, double speed) {
     if (depth > 0.0) {
       const int next = (j + 1) % model->lay.np;
       const double bent[2] = {wrap_of(model, j, pull), wrap_of(model, next, pull)};
-      sum += 2.0 * shorter_at_end(pull, bending_on(model, j, bent[0], pull), radius, depth) +
+      sum += 2.0 * bd_shorter_at_end(pull, bending_on(model, j, bent[0], pull), radius, depth) +
              shorter_in_span(model, j, next, bent, pull);
     }
   }

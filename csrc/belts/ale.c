@@ -1,0 +1,374 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows through a mesh which stands still (ALE).
+ */
+#include <math.h>
+#include <string.h>
+
+#include "belts/ale.h"
+
+/* --- layout ----------------------------------------------------------------------------------- */
+
+int bd_ale_cells(double arc, double longest) {
+  const int half = (int)ceil(0.5 * arc / longest);
+  return half > 3 ? 2 * half : 6;
+}
+
+/* A slab has a node and a cell to copy behind its own. */
+static int slots_of(int cells) {
+  return (cells + 3 + BD_LANES - 1) / BD_LANES * BD_LANES;
+}
+
+static void carve_slots(bd_carver *carver, double **block, int slots) {
+  double *begin = bd_carve(carver, (size_t)(BD_HALO + slots + BD_LANES), sizeof(double));
+  *block = begin ? begin + BD_HALO : NULL;
+}
+
+void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive) {
+  bd_ale_table *tables;
+  ale->np = drive->np;
+  ale->modes = drive->modes;
+  ale->slots = ale->cells = 0;
+  for (int j = 0; j < drive->np; ++j) {
+    ale->slots += slots_of(drive->pulleys[j].cells);
+    ale->cells += drive->pulleys[j].cells + 1;
+  }
+  BD_CARVE(carver, ale->arcs, drive->np);
+  BD_CARVE(carver, ale->spans, drive->np);
+  BD_CARVE(carver, tables, drive->np);
+  for (int i = 0; i < drive->np && carver->base; ++i) {
+    ale->spans[i].table = &tables[i];
+  }
+#define X(name) carve_slots(carver, &ale->name, ale->slots);
+  BD_ALE_SLOTS(X)
+#undef X
+}
+
+size_t bd_ale_state_size(const bd_ale *ale, int states) {
+  const size_t block = (size_t)(BD_HALO + ale->slots + BD_LANES);
+  return block * (size_t)(2 + 2 * states) + (size_t)(2 * ale->np * ale->modes);
+}
+
+bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block) {
+  const int stride = BD_HALO + ale->slots + BD_LANES;
+  bd_ale_state at = {.stride = stride};
+  at.m = block + BD_HALO;
+  at.v = at.m + stride;
+  at.z[0] = at.v + stride;
+  at.z[1] = at.z[0] + states * stride;
+  at.a = at.z[1] + states * stride - BD_HALO;
+  at.p = at.a + ale->np * ale->modes;
+  return at;
+}
+
+/* --- what of the path bends are worth --------------------------------------------------------- */
+
+/* Slopes of a cubic spline through values at equal distances, times the distance; its third
+ * derivative is continuous at the last knot but one of either end ("not a knot"). */
+static void lay_spline(const double *value, double *slope) {
+  enum { N = BD_ALE_KNOTS };
+  double over[N], rhs[N];
+  const double rise[2] = {value[1] - value[0], value[2] - value[1]};
+  const double last[2] = {value[N - 1] - value[N - 2], value[N - 2] - value[N - 3]};
+  over[0] = 2.0;
+  rhs[0] = 0.5 * (5.0 * rise[0] + rise[1]);
+  for (int i = 1; i < N - 1; ++i) {
+    const double pivot = 4.0 - over[i - 1];
+    over[i] = 1.0 / pivot;
+    rhs[i] = (3.0 * (value[i + 1] - value[i - 1]) - rhs[i - 1]) / pivot;
+  }
+  slope[N - 1] = (0.5 * (5.0 * last[0] + last[1]) - 2.0 * rhs[N - 2]) / (1.0 - 2.0 * over[N - 2]);
+  for (int i = N - 2; i >= 0; --i) {
+    slope[i] = rhs[i] - over[i] * slope[i + 1];
+  }
+}
+
+/* At one end of a span: delta, and what the lower tension of an arc, which here reaches to l / 2
+ * from its end, is worth. */
+static double shorter_at(const bd_ale *ale, double pull, double radius) {
+  const double stretched = pull * (1.0 + pull / ale->axial), EI = ale->bending;
+  const double depth = bd_contact_depth(ale->quadratic, ale->linear, stretched / radius);
+  const double reach = EI > 0.0 ? sqrt(EI / pull) * EI / (4.0 * ale->axial * radius * radius) : 0.0;
+  return bd_shorter_at_end(stretched, EI, radius, depth) + reach;
+}
+
+static void lay_table(const bd_ale *ale, int i, bd_ale_table *table) {
+  const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1);
+  for (int k = 0; k < BD_ALE_KNOTS; ++k) {
+    const double H = ale->rest * BD_ALE_LEAST * exp(k * knot);
+    table->value[k] = -shorter_at(ale, H, ale->arcs[i].radius) -
+                      shorter_at(ale, H, ale->arcs[ale->arcs[i].next].radius);
+    table->by_knot[k] = table->value[k] * H * knot;
+  }
+  lay_spline(table->value, table->slope);
+  /* the integral of X dH = X H du, by a spline of its own */
+  lay_spline(table->by_knot, table->by_slope);
+  table->sum[0] = 0.0;
+  for (int k = 0; k + 1 < BD_ALE_KNOTS; ++k) {
+    table->sum[k + 1] = table->sum[k] + 0.5 * (table->by_knot[k] + table->by_knot[k + 1]) +
+                        (table->by_slope[k] - table->by_slope[k + 1]) / 12.0;
+  }
+}
+
+/* --- make ------------------------------------------------------------------------------------- */
+
+static void make_modes(bd_ale *ale) {
+  const double third[3] = {1.0 / 3.0, 1.0 / 6.0, 1.0 / 3.0};
+  memcpy(ale->left_over, third, sizeof third);
+  for (int i = 0; i < ale->modes; ++i) {
+    const double n = i + 1, odd = i % 2 == 0 ? 1.0 : 0.0;
+    ale->odd[i] = odd / (n * BD_PI);
+    ale->parts[0][i] = 2.0 / (n * BD_PI);
+    ale->parts[1][i] = (2.0 * odd - 1.0) * ale->parts[0][i];
+    ale->left_over[0] -= 0.5 * ale->parts[0][i] * ale->parts[0][i];
+    ale->left_over[1] -= 0.5 * ale->parts[0][i] * ale->parts[1][i];
+    ale->left_over[2] -= 0.5 * ale->parts[1][i] * ale->parts[1][i];
+    for (int k = 0; k < ale->modes; ++k) {
+      const double r = k + 1;
+      ale->gyro[i][k] = (i + k) % 2 == 1 ? 4.0 * n * r / (n * n - r * r) : 0.0;
+    }
+  }
+}
+
+/* Waves of a span end in the wraps, clamped l beyond the tangent points: by their length the
+ * bending stiffness that sine modes of its own length have to have. */
+static void stiffen_modes(const bd_ale *ale, bd_ale_span *span, double length) {
+  const double EI = ale->bending, H = ale->rest, reach = sqrt(EI / H);
+  for (int n = 0; n < ale->modes; ++n) {
+    const double turns = (n + 1) * BD_PI, straight = turns / length;
+    double wave = straight;
+    for (int k = 0; k < 60; ++k) {
+      const double u = wave * reach;
+      wave = (turns + 2.0 * atan(u / sqrt(1.0 + u * u))) / (length + 2.0 * reach);
+    }
+    const double square = straight * straight;
+    span->stiff[n] = (H * (wave * wave - square) + EI * pow(wave, 4)) / (square * square);
+  }
+}
+
+static void make_arc(bd_ale *ale, const bd_ale_drive *drive, int j, int begin) {
+  bd_ale_arc *arc = &ale->arcs[j];
+  const bd_ale_pulley *pulley = &drive->pulleys[j];
+  *arc = (bd_ale_arc){
+      .begin = begin,
+      .n = pulley->cells,
+      .slots = slots_of(pulley->cells),
+      .before = (j + ale->np - 1) % ale->np,
+      .next = (j + 1) % ale->np,
+      .side = pulley->side,
+      .sense = drive->direction * pulley->side,
+      .radius = pulley->radius,
+      .raised = pulley->raised,
+      .line_radius =
+          pulley->radius + drive->bending_stiffness / (2.0 * pulley->radius * drive->rest),
+      .axis = {.c = {pulley->center[0], pulley->center[1]}},
+  };
+  if (pulley->friction) {
+    const int law = pulley->friction->law;
+    arc->friction = *pulley->friction;
+    arc->states = bd_friction_states(pulley->friction);
+    arc->held = law != BD_LAW_NONE && isfinite(bd_kernels_baseline->bound[law](pulley->friction));
+  }
+  for (int k = 0; k < arc->slots; ++k) {
+    ale->fraction[begin + k] = (double)k / arc->n;
+    ale->is_cell[begin + k] = k < arc->n ? 1.0 : 0.0;
+    ale->share_a[begin + k] = ale->share_b[begin + k] = 1.0;
+  }
+}
+
+void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
+  ale->direction = drive->direction;
+  ale->density = drive->linear_density;
+  ale->axial = drive->axial_stiffness;
+  ale->axial_damping = drive->axial_damping;
+  ale->bending = drive->bending_stiffness;
+  ale->bending_damping = drive->bending_damping;
+  ale->quadratic = drive->quadratic;
+  ale->linear = drive->linear;
+  memcpy(ale->gravity, drive->gravity, sizeof ale->gravity);
+  ale->rest = drive->rest;
+  ale->moving = drive->moving;
+  make_modes(ale);
+  for (int j = 0, begin = 0; j < ale->np; begin += ale->arcs[j++].slots) {
+    make_arc(ale, drive, j, begin);
+  }
+  for (int i = 0; i < ale->np; ++i) {
+    bd_ale_span *span = &ale->spans[i];
+    const bd_ale_arc *from = &ale->arcs[i], *to = &ale->arcs[from->next];
+    span->curvature[0] = from->side / from->radius;
+    span->curvature[1] = to->side / to->radius;
+    span->tilt = 0.5 * ale->bending * (span->curvature[0] - span->curvature[1]);
+    const double *a = from->axis.c, *b = to->axis.c;
+    const double rises = from->side * from->line_radius - to->side * to->line_radius;
+    const double apart = hypot(b[0] - a[0], b[1] - a[1]);
+    stiffen_modes(ale, span, sqrt(apart * apart - rises * rises));
+    lay_table(ale, i, (bd_ale_table *)span->table);
+  }
+}
+
+/* --- energy ----------------------------------------------------------------------------------- */
+
+/* The integral of X(H) from the table's beginning, without the part of 1/S. */
+static double sum_of_x(const bd_ale *ale, const bd_ale_table *table, double h) {
+  const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
+  const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1);
+  const double at = log(fmin(fmax(h, least), most) / least) / knot;
+  const int i = at < BD_ALE_KNOTS - 2 ? (int)at : BD_ALE_KNOTS - 2;
+  const double s = at - i, first = table->by_slope[i], last = table->by_slope[i + 1];
+  const double rise = table->by_knot[i + 1] - table->by_knot[i];
+  const double b = 3.0 * rise - 2.0 * first - last, c = first + last - 2.0 * rise;
+  return table->sum[i] + s * (table->by_knot[i] + s * (0.5 * first + s * (b / 3.0 + 0.25 * s * c)));
+}
+
+/* What bending stores in a span as H changes, and in its modes. */
+static double bending_of_span(const bd_ale *ale, const bd_ale_span *span) {
+  const double h = span->pressing, S = span->length, o_0 = span->tilt / ale->rest;
+  double sum =
+      sum_of_x(ale, span->table, h) + (span->tilt * span->tilt / h + o_0 * o_0 * h) / (2.0 * S);
+  double bent = 0.0, modes = 0.0;
+  for (int n = 0; n < ale->modes; ++n) {
+    const double k2 = span->wave[n] * span->wave[n], ab = span->ab[n], a = span->rest[n];
+    bent += 0.25 * S * k2 * ab * ab;
+    sum += 0.25 * S * a * a * k2 * (h + span->stiff[n] * k2);
+    modes += 0.25 * S * span->stiff[n] * k2 * k2 * ab * ab - span->moment[n] * ab;
+  }
+  return sum - h * (span->path - bent) + modes;
+}
+
+static void energy_of_span(const bd_ale *ale, const bd_ale_state *y, int i, bd_ale_energy *sum) {
+  const bd_ale_span *span = &ale->spans[i];
+  const bd_ale_arc *from = &ale->arcs[i], *to = &ale->arcs[from->next];
+  const int k = from->begin + from->n, after = to->begin;
+  const double mass = ale->density * y->m[k], apart = y->v[after] - y->v[k];
+  const double first = ale->across[k], last = ale->across[after], c = span->past;
+  sum->bending += bending_of_span(ale, span);
+  sum->kinetic += 0.5 * mass *
+                      (ale->left_over[0] * first * first + 2.0 * ale->left_over[1] * first * last +
+                       ale->left_over[2] * last * last) -
+                  mass / 12.0 * apart * apart;
+  for (int n = 0; n < ale->modes; ++n) {
+    const double p = y->p[i * ale->modes + n] + c * span->ga[n];
+    const double slope = span->wave[n] * span->ab[n];
+    sum->lateral += 0.25 * mass * (p * p + c * c * (slope * slope - span->ga[n] * span->ga[n]));
+  }
+}
+
+bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y) {
+  bd_ale_energy sum = {.axial = 0.0};
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
+      const double strain = ale->stretch[k] - 1.0, v = y->v[k], across = ale->across[k];
+      const double mass = 0.5 * ale->density * (y->m[k] + y->m[k - 1]);
+      const double own =
+          0.5 * ale->density *
+          ((k < arc->begin + arc->n ? y->m[k] : 0.0) + (k > arc->begin ? y->m[k - 1] : 0.0));
+      sum.axial += 0.5 * ale->axial * strain * strain * y->m[k];
+      sum.kinetic += 0.5 * (mass * v * v + own * across * across);
+      if (k < arc->begin + arc->n) {
+        const double d = ale->sink[k], sunk = fmax(d, 0.0);
+        sum.contact +=
+            (ale->quadratic * sunk * sunk * sunk / 3.0 + 0.5 * ale->linear * d * d) * y->m[k];
+        sum.bending += ale->bent[k] * y->m[k];
+      }
+    }
+    energy_of_span(ale, y, j, &sum);
+  }
+  return sum;
+}
+
+/* Damping along the belt and of its spans, and friction. */
+bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y) {
+  bd_ale_losses lost = {.axial = 0.0};
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    const bd_ale_span *span = &ale->spans[j];
+    for (int k = arc->begin; ale->axial_damping > 0.0 && k <= arc->begin + arc->n; ++k) {
+      const double damped = ale->tension[k] - ale->elastic[k];
+      lost.axial += damped * damped * y->m[k] / ale->axial_damping;
+    }
+    for (int n = 0; n < ale->modes; ++n) {
+      const double k2 = span->wave[n] * span->wave[n];
+      lost.bending +=
+          0.5 * ale->bending_damping * span->length * k2 * k2 * span->da[n] * span->da[n];
+    }
+    lost.bending += span->losing[0] * ale->past[arc->begin + arc->n] +
+                    span->losing[1] * ale->past[ale->arcs[arc->next].begin];
+    lost.friction += arc->slip_loss;
+  }
+  return lost;
+}
+
+/* --- starts ----------------------------------------------------------------------------------- */
+
+/* On an arc T + EI theta'^2 / (2 m^2 lambda~) - rhoA J^2 lambda is that of a span, lambda~ that of
+ * the node between: metres of a cell, its stretch into `stretch`, the radius on which it runs. */
+static double lay_cell(const bd_ale *ale, const bd_ale_arc *arc, double pressing, double flow,
+                       double of_span, double *stretch, double *rho) {
+  const double EA = ale->axial, square = ale->density * flow * flow;
+  double low = of_span, m = arc->cell_angle * arc->radius / low;
+  *rho = arc->radius + arc->raised;
+  for (int turn = 0; turn < 50; ++turn) {
+    const double bent = arc->cell_angle / m;
+    const double bends = ale->bending * bent * bent / (of_span + low);
+    const double tension = pressing + square * low - bends;
+    low = 1.0 + tension / EA;
+    const double pressure = (tension * low - square * low * low) / *rho;
+    const double depth = bd_contact_depth(ale->quadratic, ale->linear, fmax(0.0, pressure));
+    *rho = arc->radius + arc->raised - depth;
+    m = arc->cell_angle * *rho / low;
+  }
+  *stretch = low;
+  return m;
+}
+
+double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state *y) {
+  double stretch = 1.0, length = 0.0;
+  for (int turn = 0; turn < 50; ++turn) {
+    stretch = 1.0 + (pressing + ale->density * flow * flow * stretch) / ale->axial;
+  }
+  for (int j = 0; j < ale->np; ++j) {
+    bd_ale_arc *arc = &ale->arcs[j];
+    bd_ale_span *span = &ale->spans[j];
+    double slope, stands, falls, low, rho;
+    const double m = lay_cell(ale, arc, pressing, flow, stretch, &low, &rho);
+    const int last = arc->begin + arc->n;
+    for (int k = arc->begin; k < last; ++k) {
+      y->m[k] = m;
+      y->v[k] = flow * (k > arc->begin ? low : 0.5 * (low + stretch));
+    }
+    y->v[last] = flow * 0.5 * (low + stretch);
+    y->m[last] =
+        (span->length + bd_ale_run_off(ale, span, pressing, &slope, &stands, &falls)) / stretch;
+    for (int n = 0; n < ale->modes; ++n) {
+      y->a[j * ale->modes + n] = span->rest[n] - span->offset[n];
+      y->p[j * ale->modes + n] = span->moved[n];
+    }
+    arc->axis.omega = arc->sense * flow * low / rho;
+    length += arc->n * m + y->m[last];
+  }
+  return length;
+}
+
+/* Secants, from the tension at rest: a belt that is too short by a share has that times EA more. */
+double bd_ale_start(bd_ale *ale, double length, double speed, const bd_ale_state *y) {
+  double H = ale->rest, before = 0.0, short_before = 0.0;
+  for (int turn = 0; turn < 50; ++turn) {
+    double flow = speed;
+    for (int k = 0; k < 50; ++k) {
+      flow = speed / (1.0 + (H + ale->density * flow * speed) / ale->axial);
+    }
+    const double shorter = bd_ale_lay(ale, H, flow, y) / length - 1.0;
+    if (fabs(shorter) < 4e-16) {
+      return H;
+    }
+    const double slope = turn == 0 ? -1.0 / ale->axial : (shorter - short_before) / (H - before);
+    if (turn > 3 && !(fabs(shorter / slope) > 1e-14 * ale->rest)) {
+      return H;
+    }
+    before = H;
+    short_before = shorter;
+    H = fmax(0.5 * H, H - shorter / slope);
+  }
+  return (double)NAN;
+}

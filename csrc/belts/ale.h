@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows: what it is made of.
+ */
+#ifndef BELTDYN_BELTS_ALE_H
+#define BELTDYN_BELTS_ALE_H
+
+#include "model/model.h"
+
+/* Of an arc, or its pulley. */
+typedef struct bd_ale_pulley {
+  double center[2], radius, raised; /* p0 of a compensated contact */
+  int side, cells;
+  const bd_friction *friction; /* NULL: none */
+} bd_ale_pulley;
+
+/* A drive by its data per metre of belt; its tension at rest is known. */
+typedef struct bd_ale_drive {
+  int np, modes, direction;
+  double linear_density, axial_stiffness, axial_damping, bending_stiffness, bending_damping;
+  double quadratic, linear; /* c1', c2' */
+  double gravity[2], rest;
+  int moving;
+  const bd_ale_pulley *pulleys;
+} bd_ale_drive;
+
+/* Least number of cells of an arc: parts of `longest` at the most, an even number, 6 at least. */
+int bd_ale_cells(double arc, double longest);
+void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive);
+/* Fills what has been carved. */
+void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive);
+/* Arrays of a state, or of its rates, after one another: of so many numbers. */
+size_t bd_ale_state_size(const bd_ale *ale, int states);
+bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block);
+
+/* A belt that runs along itself at this flow [stress-free m/s] under one force H in all spans,
+ * without friction, its pulleys with it: into y and the speeds of the arcs. Axes are placed.
+ * Returns its stress-free length. */
+double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state *y);
+/* The same of a given length, at a speed in its spans; H, NaN if none is found. */
+double bd_ale_start(bd_ale *ale, double length, double speed, const bd_ale_state *y);
+
+/* At the state whose rate was the last to be evaluated: what the belt stores, and the power that it
+ * loses. */
+typedef struct bd_ale_energy {
+  double axial, contact, bending, kinetic, lateral;
+} bd_ale_energy;
+
+typedef struct bd_ale_losses {
+  double axial, bending, friction;
+} bd_ale_losses;
+
+/* --- ale_ring.c, ale_jacobian.c
+ * --------------------------------------------------------------------------- */
+
+/* What the rates of a span's ends and of its modes answer: to one more of something. */
+typedef struct bd_ale_answer {
+  double v[2], p[BD_ALE_MODES];
+} bd_ale_answer;
+
+/* To what moves its first node, its last one; to the rate of its metres. */
+enum { BD_ALE_FIRST, BD_ALE_LAST, BD_ALE_FILLS, BD_ALE_ANSWERS };
+
+/* The Jacobian of the belt's rates by the belt's unknowns; by pulley its column of the rim's speed,
+ * the row of the torque on it, and that torque by that speed. Of axes that have a lever: the row of
+ * the belt's force along it, and that force by the speeds of rims; columns of the travel's speed
+ * and of the travel, torques and forces by them: (which, on what, by which). */
+typedef struct bd_ale_newton {
+  bd_ale_ring ring;
+  bd_ale_slopes slopes;
+  int states, stride;
+  size_t state_size;                                /* from its first number on */
+  int *cell_block, *cell_at, *node_block, *node_at; /* by slot: of m, which z follow; of v */
+  double *column, *row, *own;
+  double *push, *push_by_rim, *moved[2], *torque_by[2], *push_by[2];
+  bd_ale_answer (*answers)[BD_ALE_ANSWERS]; /* by span */
+} bd_ale_newton;
+
+void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale *ale, int states);
+void bd_ale_newton_make(bd_ale_newton *newton, const bd_ale *ale);
+/* At the state whose rate was the last to be evaluated. */
+void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_kernels *kernels,
+                      const bd_ale_state *y, const bd_ale_state *dy);
+/* The columns of axes with a lever, by differences of rates in turn, which are written to
+ * `scratch`: of the rates that bd_ale_linearise has had. The last rate is another's afterwards. */
+void bd_ale_linearise_axes(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
+                           const bd_ale_state *y, const bd_ale_state *dy,
+                           const bd_ale_state *scratch);
+/* All of a rate, W as it is. */
+void bd_ale_rate(bd_ale *ale, const bd_ale_kernels *kernels, const bd_ale_state *y,
+                 const bd_ale_state *dy);
+/* A state, or rates, as the unknowns of the ring, and back. */
+void bd_ale_gather(const bd_ale_newton *newton, const bd_ale *ale, const bd_ale_state *y,
+                   double *x);
+void bd_ale_scatter(const bd_ale_newton *newton, const bd_ale *ale, const double *x,
+                    const bd_ale_state *y);
+
+bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y);
+bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y);
+
+#endif

@@ -1,0 +1,82 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The columns of axes in the Jacobian of a belt that flows: what one more of a mount's travel, and
+ * of its speed, does to all rates, torques and forces, by differences of whole rates. They are two
+ * a mount, where the rows of mounts, which are of all unknowns, are derived (ale_jacobian.c).
+ */
+#include <math.h>
+
+#include "belts/ale.h"
+
+void bd_ale_rate(bd_ale *ale, const bd_ale_kernels *kernels, const bd_ale_state *y,
+                 const bd_ale_state *dy) {
+  if (ale->moving) {
+    kernels->place(ale);
+  }
+  kernels->stretch(ale, y);
+  for (int j = 0; j < ale->np; ++j) {
+    kernels->rub[ale->arcs[j].friction.law](ale, j, y, dy);
+  }
+  kernels->move(ale, y, dy);
+}
+
+static double push_of(const bd_ale_arc *arc) {
+  return arc->force[0] * arc->axis.lever[0] + arc->force[1] * arc->axis.lever[1];
+}
+
+/* (a - b) / h, into a: all of a state lies together. */
+static void subtract(const bd_ale_newton *newton, const bd_ale_state *a, const bd_ale_state *b,
+                     double h) {
+  const size_t n = newton->state_size;
+  for (size_t k = 0; k < n; ++k) {
+    a->m[k] = (a->m[k] - b->m[k]) / h;
+  }
+}
+
+/* Forward differences: a travel by 1e-7 of the radius over its lever, as much of the speed that
+ * belongs to it; lost are 1e-7 of the column, and rounding, 1e-16 / 5e-3 of a tension over 1e-7. */
+static void difference(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
+                       const bd_ale_state *y, const bd_ale_state *dy, const bd_ale_state *scratch,
+                       int j, int of) {
+  const int unknowns = newton->ring.unknowns, np = ale->np;
+  bd_ale_arc *arc = &ale->arcs[j];
+  const bd_ale_axis kept = arc->axis;
+  const double lever = hypot(kept.lever[0], kept.lever[1]);
+  const double h = (of == 0 ? 1e-4 * sqrt(ale->rest / ale->density) : 1e-6 * arc->radius) / lever;
+  double *column = newton->moved[of] + j * unknowns, *torque = newton->torque_by[of] + j;
+  double *push = newton->push_by[of] + j;
+  for (int k = 0; k < np; ++k) {
+    torque[k * np] = ale->arcs[k].torque;
+    push[k * np] = push_of(&ale->arcs[k]);
+  }
+  for (int x = 0; x < 2; ++x) {
+    if (of == 0) {
+      arc->axis.v[x] += h * kept.lever[x];
+      arc->axis.known[x] += h * (2.0 * kept.speed + h) * kept.bend[x];
+    } else {
+      arc->axis.c[x] += h * kept.lever[x];
+      arc->axis.v[x] += h * kept.speed * kept.bend[x];
+      arc->axis.lever[x] += h * kept.bend[x];
+    }
+  }
+  bd_ale_rate(ale, kernels, y, scratch);
+  for (int k = 0; k < np; ++k) {
+    torque[k * np] = (ale->arcs[k].torque - torque[k * np]) / h;
+    push[k * np] = (push_of(&ale->arcs[k]) - push[k * np]) / h;
+  }
+  arc->axis = kept;
+  subtract(newton, scratch, dy, h);
+  bd_ale_gather(newton, ale, scratch, column);
+}
+
+void bd_ale_linearise_axes(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
+                           const bd_ale_state *y, const bd_ale_state *dy,
+                           const bd_ale_state *scratch) {
+  for (int j = 0; j < ale->np; ++j) {
+    const double *a = ale->arcs[j].axis.lever;
+    for (int of = 0; of < 2 && (a[0] != 0.0 || a[1] != 0.0); ++of) {
+      difference(newton, ale, kernels, y, dy, scratch, j, of);
+      bd_ale_rate(ale, kernels, y, scratch);
+    }
+  }
+}

@@ -1,0 +1,195 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows through a mesh which stands still (ALE): what its kernels work on.
+ *
+ * An arc and the span behind it are a slab of slots. Cell k of the arc stands in slot begin + k, k
+ * < n, the span's only cell in begin + n; node k, where cell k begins, stands in the same slot, the
+ * last one (k = n) where the arc ends and the span begins. What is behind them up to the next slab
+ * is padding: copies of the nodes and cells that follow and go before, so that a slot's neighbours
+ * are one to the left and one to the right, round the whole ring.
+ */
+#ifndef BELTDYN_ALE_H
+#define BELTDYN_ALE_H
+
+#include <math.h>
+
+#include "base/base.h"
+
+enum { BD_ALE_MODES = 8, BD_ALE_KNOTS = 100, BD_ALE_BLOCK = 3 + 4 * BD_MAX_ELEMENTS };
+
+/* X(H) of a span, without its part of 1/S, over log H: a cubic spline by values and slopes times
+ * the knots' distance; and its integral over H, by which energy is known. */
+typedef struct bd_ale_table {
+  double value[BD_ALE_KNOTS], slope[BD_ALE_KNOTS];
+  double sum[BD_ALE_KNOTS], by_knot[BD_ALE_KNOTS], by_slope[BD_ALE_KNOTS]; /* and what it is of */
+} bd_ale_table;
+
+/* The axis of a pulley at an evaluation. */
+typedef struct bd_ale_axis {
+  double c[2], v[2];
+  double known[2];       /* its acceleration but for that of the travel, */
+  double lever[2];       /* along which that moves it; 0: nothing does */
+  double bend[2], speed; /* by how much that turns with the travel; of the travel */
+  double omega;          /* of what the belt runs on */
+} bd_ale_axis;
+
+typedef struct bd_ale_arc {
+  int begin, n, slots; /* its first slot, its cells, slots up to the next slab */
+  int before, next;    /* pulleys */
+  int states;          /* of friction, of an end of a cell */
+  int held; /* the law's state is a coefficient, which does not change where nothing presses */
+  bd_friction friction;
+  double side, sense;                 /* s; D s: of rims along the belt */
+  double radius, line_radius, raised; /* R; R_g; depth of a compensated contact */
+  bd_ale_axis axis;
+  double wrap, cell_angle,
+      half_turn; /* of t in a cell, as it turns from end to end; -s tan of half */
+  double torque, contact_loss, slip_loss; /* on the pulley; powers */
+  /* On the axis, but for what its own acceleration adds; the belt's inertia along the lever. */
+  double force[2], inertia;
+} bd_ale_arc;
+
+/* From pulley i, by whose number it goes, to the next one. */
+typedef struct bd_ale_span {
+  /* constant */
+  double curvature[2];        /* s / R of both pulleys */
+  double tilt;                /* o H: by how much their offsets of the line differ, times H */
+  double stiff[BD_ALE_MODES]; /* EI as the modes have it, whose waves end clamped in the wraps */
+  const bd_ale_table *table;
+  /* geometry */
+  double length, rate, e[2], n[2], turning;
+  double wave[BD_ALE_MODES], moment[BD_ALE_MODES], offset[BD_ALE_MODES], moved[BD_ALE_MODES];
+  double sag; /* g.n */
+  /* tension: flow past the mesh, force, H, stretch, X + E, and 1 / (dT of what is left over) */
+  double past, elastic, pressing, stretch, path, per_slope, by_pressing;
+  double rest[BD_ALE_MODES]; /* A_n */
+  /* momentum: a', G a, a + b, p~', and sums of theirs; c' */
+  double da[BD_ALE_MODES], ga[BD_ALE_MODES], ab[BD_ALE_MODES], dp[BD_ALE_MODES];
+  double losing[2], per_losing[2]; /* damped bending at both ends; over c of the node there */
+  double lateral, first, added, quickens, matrix[3];
+  double coupling; /* inertia by which mounts at both ends feel each other */
+} bd_ale_span;
+
+/* A block of numbers by slot each. Fixed: of nodes the fraction of the wrap, 1 in cells of arcs,
+ * else 0; in a step W at both ends of cells. Of nodes: t, Omega, V.n; w, c; J, 1 / lambda; what
+ * moves them. Of cells: d, lambda, T without damping and with it, H, energy of bending per metre.
+ * Of both ends of cells friction, and F (u' - u) along t and n. */
+#define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(share_a) X(share_b)
+#define BD_ALE_AT_NODES(X) X(tx) X(ty) X(turn) X(across) X(slid) X(past)
+#define BD_ALE_THROUGH_NODES(X) X(flow) X(per_stretch) X(total)
+#define BD_ALE_OF_CELLS(X) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent)
+#define BD_ALE_AT_ENDS(X) X(force_a) X(force_b) X(carried_t) X(carried_n)
+#define BD_ALE_SLOTS(X)                                                                            \
+  BD_ALE_FIXED(X)                                                                                  \
+  BD_ALE_AT_NODES(X) BD_ALE_THROUGH_NODES(X) BD_ALE_OF_CELLS(X) BD_ALE_AT_ENDS(X)
+
+typedef struct bd_ale {
+  int np, modes, slots, cells;
+  double direction; /* D: of numbering, +1 counter-clockwise */
+  double density, axial, axial_damping, bending, bending_damping; /* rhoA, EA, eta A, EI, eta I */
+  double quadratic, linear;                                       /* contact, per metre */
+  double gravity[2], rest;                                        /* H0 */
+  int moving; /* axes do, or may: geometry is laid anew */
+  double gyro[BD_ALE_MODES][BD_ALE_MODES], odd[BD_ALE_MODES], parts[2][BD_ALE_MODES];
+  double left_over[3]; /* of a span's consistent mass what its modes do not carry */
+  bd_ale_arc *arcs;
+  bd_ale_span *spans;
+#define X(name) double *name;
+  BD_ALE_SLOTS(X)
+#undef X
+} bd_ale;
+
+/* A state, or its rates: m, v by slot; z of both ends of cells, an element `stride` after the
+ * other; a and p by span, `modes` each. */
+typedef struct bd_ale_state {
+  double *m, *v, *z[2], *a, *p;
+  int stride;
+} bd_ale_state;
+
+/* Derivatives of friction, by end of a cell: of force and of the rate of its state, elements
+ * `stride` after one another, to normal force per metre, state and slip velocity. */
+typedef struct bd_ale_slopes {
+  double *force[2], *by_normal[2], *by_slip[2];
+  double *by_state[2], *rate_by_normal[2], *rate_by_state[2], *rate_by_slip[2];
+} bd_ale_slopes;
+
+/* A block of unknowns: of the Jacobian what couples it to the block behind, to itself, to the one
+ * ahead, by columns; of its elimination D^-1, D^-1 of what is behind, ahead and of the last block,
+ * and what that one has of it. */
+typedef struct bd_ale_block {
+  int n, at; /* unknowns, the first of them */
+  double *back, *own, *ahead;
+  double *inverse, *behind, *next, *far, *from;
+} bd_ale_block;
+
+/* The ring of blocks: a span, with both its ends; a cell of an arc and a node; the two cells in the
+ * middle of an arc with the node between. The last one stands apart as they are eliminated. */
+typedef struct bd_ale_ring {
+  int n, unknowns;
+  double g;
+  int largest;
+  bd_ale_block *blocks;
+  double *scratch; /* two blocks of the largest size */
+} bd_ale_ring;
+
+typedef struct bd_ale_kernels {
+  /* In this order. Axes into geometry; tension and flow; what of the normal force acts at the ends
+   * of cells (after a step only), and states of friction of belt that is laid on anew (y NULL: at
+   * the start, none); friction of an arc [law], which sets the rates of z; all other
+   * rates, and forces on axes. */
+  void (*place)(bd_ale *ale);
+  void (*stretch)(bd_ale *ale, const bd_ale_state *y);
+  void (*freeze)(bd_ale *ale, const bd_ale_state *y);
+  void (*rub[BD_N_LAWS])(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy);
+  void (*move)(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy);
+  /* After a rate: derivatives of friction of an arc [law]. 1 - g J: its factors, solutions. */
+  void (*slopes[BD_N_LAWS])(const bd_ale *ale, int j, const bd_ale_state *y,
+                            const bd_ale_slopes *out);
+  void (*factor)(const bd_ale_ring *ring);
+  void (*solve)(const bd_ale_ring *ring, double *x);
+} bd_ale_kernels;
+
+extern const bd_ale_kernels bd_ale_baseline;
+#ifdef BD_X86_LEVELS
+extern const bd_ale_kernels bd_ale_avx2, bd_ale_avx512;
+#endif
+
+/* X and A_n are taken between these shares of H0. */
+#define BD_ALE_LEAST 0.02
+#define BD_ALE_MOST 30.0
+
+/* A table at a place counted in knots, and its slope. */
+static inline double bd_ale_cubic(const double *value, const double *slope, double at, double *by) {
+  int i = (int)at;
+  i = i < 0 ? 0 : i > BD_ALE_KNOTS - 2 ? BD_ALE_KNOTS - 2 : i;
+  const double s = at - i, rise = value[i + 1] - value[i];
+  const double b = 3.0 * rise - 2.0 * slope[i] - slope[i + 1],
+               c = slope[i] + slope[i + 1] - 2.0 * rise;
+  *by = slope[i] + s * (2.0 * b + 3.0 * s * c);
+  return value[i] + s * (slope[i] + s * (b + s * c));
+}
+
+/* X(H) of a span, its slope, the stretch of its resting modes, (S/4) sum k^2 A^2, and by how much
+ * that falls with H. */
+static inline double bd_ale_run_off(const bd_ale *ale, bd_ale_span *span, double h, double *slope,
+                                    double *stands, double *falls) {
+  const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
+  const double at = fmin(fmax(h, least), most), floored = fmax(h, least), S = span->length;
+  const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1), per = 1.0 / at;
+  double by;
+  double x = bd_ale_cubic(span->table->value, span->table->slope, log(at / least) / knot, &by);
+  const double o = span->tilt * per, o_0 = span->tilt / ale->rest;
+  x -= (o * o - o_0 * o_0) / (2.0 * S);
+  *slope = at == h ? by / knot * per + o * o * per / S : 0.0;
+  *stands = *falls = 0.0;
+  for (int n = 0; n < ale->modes; ++n) {
+    const double k2 = span->wave[n] * span->wave[n];
+    const double stiff = (floored + span->stiff[n] * k2) * k2;
+    const double a = span->rest[n] = span->moment[n] / (0.5 * S * stiff), square = k2 * a * a;
+    *stands += 0.25 * S * square;
+    *falls += h > least ? 0.5 * S * k2 * square / stiff : 0.0;
+  }
+  return x;
+}
+
+#endif

@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows, compiled once per instruction level: all of its rate.
+ */
+#include "kernels/kernels.h"
+#include "kernels/vector.h"
+
+#include "kernels/laws.h"
+
+#include "kernels/ale_tension.h"
+
+#include "kernels/ale_friction.h"
+
+#include "kernels/ale_momentum.h"
+
+#include "kernels/ale_blocks.h"
+
+#define ALE_RUB(name, class, general, states, text) [BD_LAW_##name] = rub_##name,
+#define ALE_SLOPES(name, class, general, states, text) [BD_LAW_##name] = slopes_##name,
+const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL) = {
+    .place = place,
+    .stretch = stretch,
+    .freeze = freeze,
+    .rub = {rub_NONE, BD_LAWS(ALE_RUB)},
+    .move = move,
+    .slopes = {NULL, BD_LAWS(ALE_SLOPES)},
+    .factor = factor,
+    .solve = solve,
+};

@@ -1,0 +1,306 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows: geometry of its mesh, tension and flow (MODEL, "A belt that flows", sections 1
+ * to 3).
+ */
+
+/* --- geometry -------------------------------------------------------------------------------- */
+
+INLINE void place_span(bd_ale *ale, int i) {
+  bd_ale_span *span = &ale->spans[i];
+  const bd_ale_arc *from = &ale->arcs[i], *to = &ale->arcs[from->next];
+  const double D = ale->direction, b = from->side * from->line_radius - to->side * to->line_radius;
+  const double dx = to->axis.c[0] - from->axis.c[0], dy = to->axis.c[1] - from->axis.c[1];
+  const double vx = to->axis.v[0] - from->axis.v[0], vy = to->axis.v[1] - from->axis.v[1];
+  const double square = dx * dx + dy * dy, length = sqrt(square - b * b), per = 1.0 / square;
+  span->length = length;
+  span->e[0] = (dx * length - dy * D * b) * per;
+  span->e[1] = (dy * length + dx * D * b) * per;
+  span->n[0] = D * span->e[1];
+  span->n[1] = -D * span->e[0];
+  span->turning = -D * (vx * span->n[0] + vy * span->n[1]) / length;
+  span->rate = vx * span->e[0] + vy * span->e[1] - b * span->turning * D;
+  span->sag = ale->gravity[0] * span->n[0] + ale->gravity[1] * span->n[1];
+  const double first = from->axis.v[0] * span->n[0] + from->axis.v[1] * span->n[1];
+  const double last = to->axis.v[0] * span->n[0] + to->axis.v[1] * span->n[1];
+  for (int n = 0; n < ale->modes; ++n) {
+    const double wave = (n + 1) * BD_PI / length, sign = n % 2 == 0 ? -1.0 : 1.0;
+    span->wave[n] = wave;
+    span->moment[n] = 0.5 * ale->bending * wave * (span->curvature[0] - sign * span->curvature[1]);
+    span->offset[n] = span->moment[n] / (0.5 * length * ale->rest * wave * wave);
+    span->moved[n] = ale->parts[0][n] * first + ale->parts[1][n] * last;
+  }
+}
+
+/* Tangents along an arc, from that of the span before it on. */
+INLINE void place_arc(bd_ale *ale, int j) {
+  bd_ale_arc *arc = &ale->arcs[j];
+  const bd_ale_span *in = &ale->spans[arc->before], *out = &ale->spans[j];
+  const double across = in->e[0] * out->e[1] - in->e[1] * out->e[0];
+  const double angle = atan2(arc->sense * across, in->e[0] * out->e[0] + in->e[1] * out->e[1]);
+  arc->wrap = angle < 0.0 ? angle + 2.0 * BD_PI : angle;
+  arc->cell_angle = arc->wrap / arc->n;
+  const double co = cos(arc->cell_angle), si = arc->sense * sin(arc->cell_angle);
+  double x[WIDTH], y[WIDTH], far_co = 1.0, far_si = 0.0;
+  arc->half_turn = -arc->side * tan(0.5 * arc->cell_angle);
+  for (int lane = 0; lane < WIDTH; ++lane) {
+    x[lane] = far_co * in->e[0] - far_si * in->e[1];
+    y[lane] = far_si * in->e[0] + far_co * in->e[1];
+    const double kept = far_co;
+    far_co = far_co * co - far_si * si;
+    far_si = far_si * co + kept * si;
+  }
+  vec tx = load_unaligned(x), ty = load_unaligned(y);
+  const vec D = splat(ale->direction), vx = splat(arc->axis.v[0]), vy = splat(arc->axis.v[1]);
+  const vec turn_in = splat(in->turning), more = splat(out->turning - in->turning);
+  for (int k = arc->begin; k < arc->begin + arc->slots; k += WIDTH) {
+    store(ale->tx + k, tx);
+    store(ale->ty + k, ty);
+    store(ale->turn + k, fma_(load(ale->fraction + k), more, turn_in));
+    store(ale->across + k, D * fnma_(vy, tx, vx * ty));
+    const vec kept = tx;
+    tx = fnma_(splat(far_si), ty, far_co * tx);
+    ty = fma_(splat(far_si), kept, far_co * ty);
+  }
+}
+
+static void place(bd_ale *ale) {
+  for (int i = 0; i < ale->np; ++i) {
+    place_span(ale, i);
+  }
+  for (int j = 0; j < ale->np; ++j) {
+    place_arc(ale, j);
+  }
+}
+
+/* --- halos ----------------------------------------------------------------------------------- */
+
+/* Behind the span's cell stands the node that follows it. */
+INLINE void close_nodes(const bd_ale *ale, double *node) {
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    node[arc->begin + arc->n + 1] = node[ale->arcs[arc->next].begin];
+  }
+}
+
+/* In front of a slab stands the cell of the span before it. */
+INLINE void close_cells(const bd_ale *ale, double *cell) {
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    cell[arc->begin + arc->slots - 1] = cell[arc->begin + arc->n];
+  }
+  cell[-1] = cell[ale->slots - 1];
+}
+
+/* The padding of a state, all of it, so that nothing there is too small to divide by. */
+INLINE void close_state(const bd_ale *ale, const bd_ale_state *y) {
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    const double next = y->v[ale->arcs[arc->next].begin], last = y->m[arc->begin + arc->n];
+    for (int k = arc->begin + arc->n + 1; k < arc->begin + arc->slots; ++k) {
+      y->v[k] = next;
+      y->m[k] = last;
+    }
+  }
+  y->m[-1] = y->m[ale->slots - 1];
+}
+
+/* --- tension --------------------------------------------------------------------------------- */
+
+/* Depth, stretch and force of an arc's cells, c1' d^2 + c2' d = (T lambda - rhoA w^2) / rho, rho =
+ * R
+ * - d + p0. With T lambda = EA lambda (lambda - 1) and lambda = rho q, q the angle over m, only
+ * what w does is no square of d: the root of what it is to first order, and a step of Newton's. */
+INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const double outside = arc->radius + arc->raised;
+  const vec EA = splat(ale->axial), c1 = splat(ale->quadratic), c2 = splat(ale->linear);
+  const vec density = splat(ale->density), damping = splat(ale->axial_damping);
+  const vec none = splat(0.0), half = splat(0.5), one = splat(1.0), r0 = splat(outside);
+  const vec angle = splat(arc->cell_angle), per_r0 = splat(1.0 / outside);
+  const vec bending = splat(0.5 * ale->bending);
+  for (int k = arc->begin; k < arc->begin + arc->n; k += WIDTH) {
+    const vec per_m = one / load(y->m + k), q = angle * per_m;
+    const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
+    const vec w = half * (here + there), momentum = density * w * w;
+    const vec pull = EA * q, stiff = fma_(pull, q, c2), lost = momentum * per_r0;
+    const vec a = fma_(lost, per_r0, stiff), p = fma_(pull, fma_(r0, q, -one), -lost);
+    vec root, inverse;
+    root_and_inverse(fma_(a, a, 4.0 * c1 * larger(p, none)), &root, &inverse);
+    vec d = 2.0 * p / (a + root);
+    const vec rho = r0 - d, per_rho = one / rho, sunk = larger(d, none);
+    const vec thrown = momentum * per_rho;
+    const vec left = fma_(c1 * sunk, sunk, fma_(c2, d, fnma_(pull, fma_(rho, q, -one), thrown)));
+    d = d - left / fma_(2.0 * c1, sunk, fma_(thrown, per_rho, stiff));
+    const vec stretch = (r0 - d) * q, elastic = EA * (stretch - one);
+    const vec tension = fma_(damping * (there - here), per_m, elastic);
+    store(ale->sink + k, d);
+    store(ale->stretch + k, stretch);
+    store(ale->elastic + k, elastic);
+    store(ale->tension + k, tension);
+    store(ale->pressing + k, tension - momentum / stretch);
+    store(ale->bent + k, load(ale->is_cell + k) * bending * q * q);
+  }
+}
+
+/* T of a span's cell, the root of m (1 + T / EA) = S + X(H) + E, from above and by steps of H0 / 2
+ * at the most, for below it there are others. */
+INLINE void stretch_span(bd_ale *ale, const bd_ale_state *y, int i) {
+  enum { MOST_STEPS = 30 };
+  bd_ale_span *span = &ale->spans[i];
+  const bd_ale_arc *arc = &ale->arcs[i];
+  const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
+  const double EA = ale->axial, m = y->m[k], S = span->length, H0 = ale->rest;
+  const double past = span->past = 0.5 * (ale->past[k] + ale->past[after]);
+  const double momentum = ale->density * past * past;
+  double bent = 0.0, t = fmax(EA * (S / m - 1.0), 0.25 * H0), step = INFINITY;
+  for (int n = 0; n < ale->modes; ++n) {
+    const double ab = span->ab[n] = y->a[i * ale->modes + n] + span->offset[n];
+    bent += 0.25 * S * span->wave[n] * span->wave[n] * ab * ab;
+  }
+  for (int turn = 0; turn < MOST_STEPS && !(fabs(step) < 1e-8 * H0); ++turn) {
+    double slope, stands, falls;
+    const double stretch = 1.0 + t / EA;
+    span->pressing = t - momentum / stretch;
+    const double x = bd_ale_run_off(ale, span, span->pressing, &slope, &stands, &falls);
+    span->path = x + bent - stands;
+    span->by_pressing = slope + falls;
+    const double left = m * stretch - S - span->path;
+    const double by = m / EA - (slope + falls) * (1.0 + momentum / (stretch * stretch * EA));
+    span->per_slope = 1.0 / (by > 0.1 * m / EA ? by : m / EA);
+    step = -left * span->per_slope;
+    t += fmin(fmax(step, -0.5 * H0), 0.5 * H0);
+  }
+  span->elastic = t;
+  span->stretch = 1.0 + t / EA;
+  span->pressing = t - momentum / span->stretch;
+  ale->stretch[k] = span->stretch;
+  ale->elastic[k] = t;
+  ale->tension[k] = t + ale->axial_damping * (y->v[after] - y->v[k]) / m;
+  ale->pressing[k] = span->pressing;
+  ale->bent[k] = 0.0;
+}
+
+static void stretch(bd_ale *ale, const bd_ale_state *y) {
+  const vec half = splat(0.5), one = splat(1.0);
+  close_state(ale, y);
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    const vec vx = splat(arc->axis.v[0]), vy = splat(arc->axis.v[1]);
+    const vec rim = splat(arc->sense * arc->radius);
+    for (int k = arc->begin; k < arc->begin + arc->slots; k += WIDTH) {
+      const vec tx = load(ale->tx + k), ty = load(ale->ty + k), v = load(y->v + k);
+      const vec slid = v - fma_(vx, tx, vy * ty);
+      store(ale->slid + k, slid);
+      store(ale->past + k, fnma_(rim, load(ale->turn + k), slid));
+    }
+    stretch_cells(ale, y, j);
+  }
+  for (int i = 0; i < ale->np; ++i) {
+    stretch_span(ale, y, i);
+  }
+  close_cells(ale, ale->stretch);
+  close_cells(ale, ale->tension);
+  close_cells(ale, ale->bent);
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    for (int k = arc->begin; k <= arc->begin + arc->n; k += WIDTH) {
+      const vec at_node = half * (load_unaligned(ale->stretch + k - 1) + load(ale->stretch + k));
+      const vec per = one / at_node;
+      store(ale->per_stretch + k, per);
+      store(ale->flow + k, load(ale->past + k) * per);
+    }
+  }
+  close_nodes(ale, ale->past);
+  close_nodes(ale, ale->flow);
+}
+
+/* --- the ends of wraps ----------------------------------------------------------------------- */
+
+/* What an end load is spread by, phi(x) and its integral, 0 for x <= 0, at places that follow each
+ * other in equal steps: exp(-beta x) (cos, sin) turns from one to the next. */
+typedef struct spread {
+  double x, step, beta, co, si, turn_co, turn_si;
+} spread;
+
+INLINE spread spread_from(double x, double step, double beta) {
+  const double begins = exp(-beta * x), decays = exp(-beta * step);
+  return (spread){x,
+                  step,
+                  beta,
+                  begins * cos(beta * x),
+                  begins * sin(beta * x),
+                  decays * cos(beta * step),
+                  decays * sin(beta * step)};
+}
+
+INLINE void spread_next(spread *at) {
+  const double co = at->co;
+  at->x += at->step;
+  at->co = co * at->turn_co - at->si * at->turn_si;
+  at->si = at->si * at->turn_co + co * at->turn_si;
+}
+
+/* What is carried of an end load l from where it stands, and its integral, into a node. */
+INLINE void spread_add(const spread *at, double load, double sign, double *carried, double *sum) {
+  *carried += sign * load * (1.0 - at->co + at->si);
+  *sum += load * (at->x - at->si / at->beta);
+}
+
+/* Belt that lifts off forgets its friction: where the pressed part of a cell's end has grown, its
+ * states are the mean over what was pressed and what has come, whose states are 0. */
+INLINE void lay_end(const bd_ale_arc *arc, const bd_ale_state *y, int end, int slot, double *share,
+                    double now) {
+  const double was = fmin(*share, 1.0), is = fmin(now, 1.0);
+  const double kept = is > 0.0 ? fmin(1.0, was / is) : 0.0;
+  for (int e = 0; y && kept < 1.0 && e < arc->states; ++e) {
+    y->z[end][e * y->stride + slot] *= kept;
+  }
+  *share = now;
+}
+
+/* W of an arc's cells, by what is carried up to their ends and its mean between. Both stand in
+ * force_a, force_b on the way. */
+INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  static const double ROUNDING = 1e-9; /* of differences of lengths */
+  const double EI = ale->bending, least = BD_ALE_LEAST * ale->rest, L = arc->radius * arc->wrap;
+  const double part = L / arc->n, beta = sqrt(sqrt(ale->linear / (4.0 * EI)));
+  double in = sqrt(EI / fmax(ale->spans[arc->before].pressing, least));
+  double out = sqrt(EI / fmax(ale->spans[j].pressing, least));
+  if (in + out > 0.9 * L) {
+    in = out = 0.45 * L;
+  }
+  const double until = L - out;
+  double *carried = ale->force_a + arc->begin, *sum = ale->force_b + arc->begin;
+  for (int k = 0; k <= arc->n; ++k) {
+    const double s = k * part;
+    carried[k] = fmin(fmax(s, in), until);
+    sum[k] = s < in      ? in * s
+             : s > until ? until * s + 0.5 * (in * in - until * until)
+                         : 0.5 * (s * s + in * in);
+  }
+  int first = (int)ceil(in / part), last = (int)floor(until / part);
+  spread at = spread_from(first * part - in, part, beta);
+  for (int k = first; k <= arc->n; ++k, spread_next(&at)) {
+    spread_add(&at, in, 1.0, &carried[k], &sum[k]);
+  }
+  at = spread_from(until - last * part, part, beta);
+  for (int k = last; k >= 0; --k, spread_next(&at)) {
+    spread_add(&at, out, -1.0, &carried[k], &sum[k]);
+  }
+  for (int k = 0; k < arc->n; ++k) {
+    const int slot = arc->begin + k;
+    const double mean = (sum[k + 1] - sum[k]) / part;
+    const double a = 2.0 * (mean - carried[k]) / part, b = 2.0 * (carried[k + 1] - mean) / part;
+    lay_end(arc, y, 0, slot, &ale->share_a[slot], a > ROUNDING ? a : 0.0);
+    lay_end(arc, y, 1, slot, &ale->share_b[slot], b > ROUNDING ? b : 0.0);
+  }
+  carried[arc->n] = sum[arc->n] = 0.0;
+}
+
+static void freeze(bd_ale *ale, const bd_ale_state *y) {
+  for (int j = 0; j < ale->np && ale->bending > 0.0; ++j) {
+    freeze_arc(ale, y, j);
+  }
+}

@@ -1,0 +1,554 @@
+"""The oracle of a belt that flows (ALE) in plain NumPy, from csrc/MODEL_ale_draft.md alone.
+
+It shares no line with the C core and imports nothing of beltdyn. Symbols, sides and senses are
+those of MODEL.md; `[n]` in a comment is the section of the draft. SI units, angles in rad.
+
+Every function takes states with any number of axes before the last, so that a Jacobian by
+differences is one call. `ale_reference_mesh.py` has the data and the geometry;
+`ale_reference_run.py` starts a drive, integrates it and finds its modes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from ale_reference_mesh import LEDGER, SLOPES, Geometry, Mesh, dot
+from reference_friction import Array, Dahl, LuGre, MaxwellSlip, Stateless
+from scipy.interpolate import CubicSpline
+
+
+@dataclass
+class Axial:
+    """Tension, flow and what presses [2]: cells (..., N) or, of arcs only, (..., N_arc)."""
+
+    length: Array  # h
+    stretch: Array  # lambda of the cells
+    at_node: Array  # lambda at the nodes
+    elastic: Array  # T without its damping
+    tension: Array  # T
+    flow: Array  # J at the nodes
+    past: Array  # c = v - mesh velocity, nodes
+    sink: Array  # d, arcs
+    slid: Array  # w, nodes: v less V.t
+    pressing: Array  # H of all cells
+    share: Array  # W at both ends of the cells on arcs (..., 2, N_arc)
+    normal: Array  # N of both ends
+    apart: Array  # w of a cell's last node less that of its first, in spans of v
+    static: Array  # A_n(H) of the spans (..., n_p, K)
+    path: Array  # X + E of the spans
+
+
+@dataclass(frozen=True)
+class Ale(Mesh):
+    """A belt drive with the equations of the flowing belt."""
+
+    # ---- [2] tension, flow, normal force -----------------------------------------------------
+
+    def _arc_cells(self, m: Array, angle: Array, slid: Array) -> tuple[Array, Array]:
+        """Depth d and length of arcs' cells: c1' d^2 + c2' d = (T lambda - rhoA w^2)/(R - d)."""
+        c1, c2 = self.contact
+        ea, r, p_0 = self.axial_stiffness, self.radii[self.arc_pulley], self.compensated
+        p_0 = p_0[self.arc_pulley]
+        d = np.zeros_like(m)
+        for _ in range(8):
+            stretch = (r - d + p_0) * angle / m
+            pressure = (ea * (stretch - 1.0) * stretch - self.linear_density * slid**2) / (
+                r - d + p_0
+            )
+            left = c1 * np.maximum(d, 0.0) ** 2 + c2 * d - pressure
+            slope = 2.0 * c1 * np.maximum(d, 0.0) + c2 + ea * (2.0 * stretch - 1.0) * angle / m / r
+            d = d - left / slope
+        return d, (r - d + p_0) * angle
+
+    def run_off(self, h: Array, span: Array) -> tuple[Array, Array]:
+        """X(H) of the spans and its slope. [2]"""
+        at = np.clip(h, SLOPES[0] * self.h_0, SLOPES[1] * self.h_0)
+        u = np.log(at)
+        x, slope = self._tabled(self.x_of, u)
+        slope = slope / at
+        x = x - ((self.tilt / at) ** 2 - (self.tilt / self.h_0) ** 2) / (2.0 * span)
+        slope = slope + self.tilt**2 / at**3 / span
+        return x, np.where(at == h, slope, 0.0)
+
+    def _tabled(self, table: CubicSpline, u: Array) -> tuple[Array, Array]:
+        """A column of the table for each span at u (..., n_p), and its slope; x is even."""
+        i = np.clip((u - table.x[0]) / (table.x[1] - table.x[0]), 0, len(table.x) - 2).astype(int)
+        w, value, slope = u - table.x[i], np.zeros_like(u), np.zeros_like(u)
+        for one in table.c:
+            value, slope = value * w + one[i, np.arange(self.n_p)], slope * w + value
+        return value, slope
+
+    def end_moment(self, span: Array) -> Array:
+        """Q_n (..., n_p, K)."""
+        k = self.s / self.radii
+        first, last = k[:, None], np.roll(k, -1)[:, None]
+        waves = self.modes * math.pi / span[..., None]
+        found = 0.5 * self.bending_stiffness * waves * (first - (-1.0) ** self.modes * last)
+        return found if self.end_moments else 0.0 * found
+
+    def offset(self, span: Array) -> Array:
+        """b_n, of the line at R_g from that at R."""
+        waves = self.modes * math.pi / span[..., None]
+        raised = 1.0 if self.line_raised else 0.0
+        return raised * self.end_moment(span) / (0.5 * span[..., None] * self.h_0 * waves**2)
+
+    def rest_modes(self, h: Array, span: Array) -> Array:
+        """A_n(H), where the modes of a span rest, from the line at R."""
+        at = np.maximum(h, SLOPES[0] * self.h_0)[..., None]
+        waves = self.modes * math.pi / span[..., None]
+        stiff = at * waves**2 + self.stiff * waves**4
+        return self.end_moment(span) / (0.5 * span[..., None] * stiff)
+
+    def _span_cells(self, m: Array, span: Array, a: Array, past: Array) -> tuple[Array, ...]:
+        """T of the spans' cells by Newton's method for m (1 + T/EA) = S + X(H) + E(a, H)."""
+        ea, waves = self.axial_stiffness, self.modes * math.pi / span[..., None]
+        ab = a + self.offset(span)
+        bent = 0.25 * span * (waves**2 * ab**2).sum(axis=-1)
+        momentum = self.linear_density * past**2  # rhoA c^2
+        t = np.maximum(ea * (span / m - 1.0), 0.25 * self.h_0)
+        for _ in range(30):
+            stretch = 1.0 + t / ea
+            h = t - momentum / stretch
+            x, slope = self.run_off(h, span)
+            rest = self.rest_modes(h, span)
+            stands = 0.25 * span * (waves**2 * rest**2).sum(axis=-1)
+            stiff = h[..., None] * waves**2 + self.stiff * waves**4
+            fall = 0.5 * span * (waves**4 * rest**2 / stiff).sum(axis=-1)
+            fall = np.where(h > SLOPES[0] * self.h_0, fall, 0.0)  # -d stands/dH
+            left = m * stretch - span - x - bent + stands
+            slope_t = m / ea - (slope + fall) * (1.0 + momentum / stretch**2 / ea)
+            step = -left / np.where(slope_t > 0.1 * m / ea, slope_t, m / ea)
+            t = t + np.clip(step, -0.5 * self.h_0, 0.5 * self.h_0)
+            if np.all(np.abs(step) < 1e-8 * self.h_0):  # the next would be below rounding
+                break
+        h = t - momentum / (1.0 + t / ea)
+        return t, h, rest, m * (1.0 + t / ea) - span
+
+    def axial(self, y: Array, geo: Geometry) -> Axial:
+        m, v, a = self.get(y, "m"), self.get(y, "v"), self.get(y, "a")
+        nxt, spans, arcs, of = self.next, self.spans, self.arcs, self.arc_pulley
+        past = v - geo.mesh
+        slid = v - dot(geo.axis[..., self.pulley, :], geo.t)
+        mean = 0.5 * (slid + slid[..., nxt])[..., arcs]
+        angle = geo.wrap[..., of] / self.on[of]
+        length, elastic = np.empty_like(m), np.empty_like(m)
+        sink, length[..., arcs] = self._arc_cells(m[..., arcs], angle, mean)
+        speed = 0.5 * (past[..., spans] + past[..., self.ends])
+        found = self._span_cells(m[..., spans], geo.span, a, speed)
+        elastic[..., spans], pressing_span, static, path = found
+        length[..., spans] = geo.span + path
+        elastic[..., arcs] = self.axial_stiffness * (length / m - 1.0)[..., arcs]
+        stretch = length / m
+        at_node = 0.5 * (stretch + stretch[..., self.before])
+        rate = slid[..., nxt] - slid
+        rate[..., spans] = v[..., self.ends] - v[..., spans]
+        tension = elastic + self.axial_damping * rate / m
+        pressing = np.empty_like(m)
+        pressing[..., spans] = pressing_span
+        centrifugal = self.linear_density * mean**2 / stretch[..., arcs]
+        pressing[..., arcs] = tension[..., arcs] - centrifugal
+        share = self.held if self.held is not None else self.boundary(pressing_span, geo.wrap)
+        normal = 0.5 * (np.maximum(0.0, pressing[..., arcs]) * angle)[..., None, :] * share
+        return Axial(
+            length=length, stretch=stretch, at_node=at_node, elastic=elastic, tension=tension,
+            flow=past / at_node, past=past, sink=sink, slid=slid, pressing=pressing,
+            share=share, normal=normal, apart=rate, static=static, path=path,
+        )  # fmt: skip
+
+    def boundary(self, pressing: Array, wrap: Array) -> Array:
+        """W at both ends of the cells on arcs (..., 2, N_arc), from H of the spans: the ends of a
+        wrap carry nothing. Load and its first moment are kept in each cell. [3]
+        """
+        ei = self.bending_stiffness
+        if ei == 0.0 or not self.boundary_layers:
+            return np.ones((*pressing.shape[:-1], 2, len(self.arcs)))
+        reach = np.sqrt(ei / np.maximum(pressing, SLOPES[0] * self.h_0))
+        of = self.arc_pulley
+        whole = (self.radii * wrap)[..., of]
+        l_in, l_out = np.roll(reach, 1, axis=-1)[..., of], reach[..., of]
+        over = l_in + l_out > 0.9 * whole
+        l_in, l_out = np.where(over, 0.45 * whole, l_in), np.where(over, 0.45 * whole, l_out)
+        beta = (self.contact[1] / (4.0 * ei)) ** 0.25
+
+        b = whole - l_out
+
+        def past(x: Array) -> tuple[Array, Array]:
+            """phi and its integral."""
+            x = np.maximum(x, 0.0)
+            fades = np.exp(-beta * x)
+            sine, cosine = np.sin(beta * x), np.cos(beta * x)
+            return 1.0 - fades * (cosine - sine), x - fades * sine / beta
+
+        def carried(s: Array) -> tuple[Array, Array]:
+            """What is carried from the start to s, as a length, and its integral."""
+            first, last = past(s - l_in), past(b - s)
+            sums = np.where(s < l_in, l_in * s, 0.5 * (s**2 + l_in**2))
+            sums = np.where(s > b, b * s + 0.5 * (l_in**2 - b**2), sums)
+            return (
+                np.clip(s, l_in, b) + l_in * first[0] - l_out * last[0],
+                sums + l_in * first[1] + l_out * last[1],
+            )
+
+        part = whole / self.on[of]
+        begin = self.fraction[self.arcs] * whole
+        (c_0, sum_0), (c_1, sum_1) = carried(begin), carried(begin + part)
+        mean = (sum_1 - sum_0) / part
+        share = 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2) / part[..., None, :]
+        return np.where(share > 1e-9, share, 0.0)  # what is left of rounding carries nothing
+
+    # ---- [4] friction --------------------------------------------------------------------------
+
+    def frictions(self, y: Array, geo: Geometry, ax: Axial) -> tuple[Array, Array, Array]:
+        """Forces F (..., 2, N_arc), slip velocities, rates of z."""
+        z, omega = self.get(y, "z"), self.get(y, "omega")
+        m = self.get(y, "m")[..., self.arcs]
+        of, nodes = self.arc_pulley, np.stack((self.arcs, self.next[self.arcs]))
+        rho = (self.radii + self.compensated)[of] - ax.sink
+        rim = (self.sense * self.s * omega)[..., of] * rho
+        slip = ax.slid[..., nodes] - rim[..., None, :]
+        force, rate = np.zeros_like(slip), np.zeros_like(z)
+        per_metre = 2.0 * ax.normal / m[..., None, :]
+        carry = 0.5 * (ax.flow[..., nodes[0]] + ax.flow[..., nodes[1]])
+        for j, law in enumerate(self.friction):
+            if law is None:
+                continue
+            on = self.on_arc[j]
+            z_j, flow, m_j = z[..., on], carry[..., None, on], m[..., None, on]
+            for side in (0, 1):
+                state = (
+                    z_j[..., :, side, :] if isinstance(law, MaxwellSlip) else z_j[..., 0, side, :]
+                )
+                if isinstance(law, MaxwellSlip):
+                    state = state[..., : law.n_states, :]
+                args = state, slip[..., side, on], per_metre[..., side, on], 1.0
+                force[..., side, on] = law.force(*args) * 0.5 * m[..., on]
+                if isinstance(law, Stateless):
+                    continue
+                own = law.rate(*args)
+                if isinstance(law, Dahl | LuGre):
+                    own = own * (ax.share[..., side, on] > 0.0)
+                rate[..., : law.n_states, side, on] = (
+                    own if isinstance(law, MaxwellSlip) else own[..., None, :]
+                )
+            if isinstance(law, Stateless):
+                continue
+            z_a, z_b = z_j[..., 0, :], z_j[..., 1, :]
+            none = np.zeros((*z_a.shape[:-1], 1))
+            arrives = np.concatenate((none, z_b[..., :-1]), axis=-1)
+            returns = np.concatenate((z_a[..., 1:], none), axis=-1)
+            mean, half = 0.5 * (z_a + z_b), 0.5 * (z_a - z_b)
+            r_1 = flow * np.where(flow >= 0.0, arrives - mean, half)
+            r_2 = flow * np.where(flow >= 0.0, half, mean - returns)
+            rate[..., 0, on] += (4.0 * r_1 - 2.0 * r_2) / m_j
+            rate[..., 1, on] += (4.0 * r_2 - 2.0 * r_1) / m_j
+        return force, slip, rate
+
+    # ---- [5] momentum, [6] modes, [7] mounts, pulleys ------------------------------------------
+
+    def bending(self, m: Array, geo: Geometry) -> Array:
+        """Energy of bending per metre of stress-free belt, EI (d theta)^2 / 2 m^2 in arcs."""
+        found = np.zeros_like(m)
+        angle = geo.wrap[..., self.arc_pulley] / self.on[self.arc_pulley]
+        found[..., self.arcs] = 0.5 * self.bending_stiffness * (angle / m[..., self.arcs]) ** 2
+        return found
+
+    def rate(self, t: float, y: Array) -> Array:
+        """dy/dt of states (..., size)."""
+        y = np.array(y, dtype=float)
+        for j, motion in self.motion.items():
+            y[..., self.layout["omega"][0]][..., j] = motion(t)[0]
+        m, v, a, p = (self.get(y, name) for name in "mvap")
+        omega, theta = self.get(y, "omega"), self.get(y, "theta")
+        nxt, prv, spans, ends, arcs = self.next, self.before, self.spans, self.ends, self.arcs
+        rho, geo = self.linear_density, self.geometry(t, y)
+        ax = self.axial(y, geo)
+        force, slip, z_rate = self.frictions(y, geo, ax)
+        dm = ax.flow - ax.flow[..., nxt]
+
+        # [6] modes without the terms of c'
+        c = 0.5 * (ax.past[..., spans] + ax.past[..., ends])
+        span, waves = geo.span, self.modes * math.pi / geo.span[..., None]
+        m_s, t_s = m[..., spans], ax.elastic[..., spans]
+        density = rho / ax.stretch[..., spans]  # mp
+        of_ends = np.stack(
+            (dot(geo.axis, geo.n), dot(np.roll(geo.axis, -1, axis=-2), geo.n)), axis=-1
+        )
+        moved = of_ends @ self.parts
+        da = p - moved  # a'
+        gyro = self.gyro / span[..., None, None]
+        ga = (gyro @ a[..., None])[..., 0]
+        gda = (gyro @ da[..., None])[..., 0]
+        ab = a + self.offset(span)
+        mp, cc = density[..., None], c[..., None]
+        gravity = dot(self.g, geo.n)
+        dp = (
+            -2.0 * cc * gda
+            - (t_s / density - c**2)[..., None] * waves**2 * ab
+            - self.stiff / mp * waves**4 * ab
+            - self.bending_damping / mp * waves**4 * da
+            + 2.0 * self.end_moment(span) / (span[..., None] * mp)
+            + self.odd * (4.0 * gravity + 8.0 * self.sense * geo.turning * c)[..., None]
+        )  # fmt: skip
+        if self.reaction:
+            dp = dp - (dm[..., spans] / m_s)[..., None] * (da + cc * ga)
+
+        # [5] momentum along the belt
+        density_at = 0.5 * rho * (m + m[..., prv])  # rhoA M
+        energy = self.bending(m, geo)
+        pull = (energy - energy[..., prv]) / ax.at_node
+        stiff = ax.tension - ax.tension[..., prv] + pull
+        u_n = dot(geo.axis[..., self.pulley, :], geo.nn)
+        through = rho * 0.25 * (ax.past + ax.past[..., nxt]) / ax.stretch
+        convected, convected_n = self.convected(geo, ax, u_n, through)
+        on_nodes = np.zeros_like(v)
+        np.add.at(on_nodes, (..., arcs), -force[..., 0, :])
+        np.add.at(on_nodes, (..., nxt[arcs]), -force[..., 1, :])
+        losing = self.losing(geo, ax)
+        np.add.at(on_nodes, (..., np.stack((spans, ends))), -losing)
+        total = stiff + on_nodes - convected
+        total = total + density_at * (dot(self.g, geo.t) - self.sense * geo.node_turning * u_n)
+        added, first_moment = 0.0, 0.0
+        if self.reaction:
+            weight = 0.5 * rho * m_s
+            kappa = (waves * ab) ** 2
+            first_moment = weight * (dp * ga + 2.0 * cc * waves**2 * ab * da).sum(axis=-1)
+            added = weight * (kappa - ga**2).sum(axis=-1)
+            lateral = 0.25 * density * (da**2 - cc**2 * kappa).sum(axis=-1)
+            total[..., spans] += lateral
+            total[..., ends] -= lateral
+        dv = total / density_at
+        # both ends of a span: consistent mass and the reaction of the modes, a symmetric 2 x 2
+        mu = rho * m_s / 6.0 if self.consistent else 0.0
+        f_0 = total[..., spans] - 0.5 * first_moment
+        f_1 = total[..., ends] - 0.5 * first_moment
+        k_00 = density_at[..., spans] - mu + 0.25 * added
+        k_11 = density_at[..., ends] - mu + 0.25 * added
+        k_01 = mu + 0.25 * added
+        determinant = k_00 * k_11 - k_01**2
+        dv[..., spans] = (k_11 * f_0 - k_01 * f_1) / determinant
+        dv[..., ends] = (k_00 * f_1 - k_01 * f_0) / determinant
+        if self.reaction:
+            dc = 0.5 * (dv[..., spans] + dv[..., ends])
+            dp = dp - dc[..., None] * ga
+
+        # pulleys
+        torque = np.zeros(omega.shape)
+        if self.torque is not None:
+            torque = torque + self.torque(t, theta, omega)
+        rim = (self.radii + self.compensated)[self.arc_pulley] - ax.sink
+        friction = force.sum(axis=-2)
+        pulls = (self.sense * self.s)[self.arc_pulley] * rim * friction
+        of_belt = np.stack(
+            [pulls[..., self.on_arc[j]].sum(axis=-1) for j in range(self.n_p)], axis=-1
+        )
+        dq = self.get(y, "dq")
+        carrier = np.zeros_like(omega)
+        for i, j in enumerate(self.sprung):
+            if self.mounts[j].carries_bearing:
+                carrier[..., j] = dq[..., i]
+        resists = self.bearing(omega - carrier)
+        domega = (torque + of_belt - resists) / self.inertias
+        for j, motion in self.motion.items():
+            domega[..., j] = motion(t)[1]
+            torque[..., j] = self.inertias[j] * domega[..., j] - of_belt[..., j] + resists[..., j]
+
+        works = np.zeros((*omega.shape[:-1], len(LEDGER)))
+        ddq, share_rate, works[..., 5] = self.mount_rows(
+            y, geo, ax, force, density_at, convected_n, dp, da, resists, losing
+        )
+        works[..., 0] = (torque * omega).sum(axis=-1)
+        works[..., 1] = ((ax.tension - ax.elastic) ** 2 * m).sum(axis=-1) / (
+            self.axial_damping or 1.0
+        )
+        works[..., 2] = self.bending_damping * (0.5 * span[..., None] * waves**4 * da**2).sum(
+            axis=(-1, -2)
+        )
+        works[..., 2] += (losing * ax.past[..., np.stack((spans, ends))]).sum(axis=(-1, -2))
+        works[..., 3] = (force * slip).sum(axis=(-1, -2))
+        works[..., 4] = (resists * (omega - carrier)).sum(axis=-1)
+        parts = dm, dv, z_rate, da, dp, omega, domega, dq, ddq, share_rate, works
+        return np.concatenate([one.reshape(*y.shape[:-1], -1) for one in parts], axis=-1)
+
+    def losing(self, geo: Geometry, ax: Axial) -> Array:
+        """What damping of bending takes where the belt runs off (0) and on (1), (..., 2, n_p): the
+        curvature rises to 1/R as e^{x/l}, and eta_I times the square of its rate is lost.
+        """
+        if self.bending_damping == 0.0 or self.bending_stiffness == 0.0:
+            return np.zeros((*geo.span.shape[:-1], 2, self.n_p))
+        h = np.maximum(ax.pressing[..., self.spans], SLOPES[0] * self.h_0)
+        reach = np.sqrt(self.bending_stiffness / h)[..., None, :]
+        radii = np.stack((self.radii, np.roll(self.radii, -1)))
+        past = ax.past[..., np.stack((self.spans, self.ends))]
+        return 0.5 * self.bending_damping * past / (radii**2 * reach)
+
+    def convected(
+        self, geo: Geometry, ax: Axial, u_n: Array, through: Array
+    ) -> tuple[Array, Array]:
+        """Along t and n of the nodes, half of each cell's on its two ends. Of an arc's cell that
+        is w_k+1 - w_k and, with the tangent's turn between them, tan(dtheta/2) (w_k + w_k+1): the
+        one division of w_k+1 t_k+1 - w_k t_k that keeps momentum, energy and torque.
+        """
+        half = 0.5 * geo.wrap[..., self.arc_pulley] / self.on[self.arc_pulley]
+        along_t, along_n = through * ax.apart, through * (u_n[..., self.next] - u_n)
+        both = ax.slid[..., self.arcs] + ax.slid[..., self.next[self.arcs]]
+        turned = -self.s[self.arc_pulley] * np.tan(half) * both
+        along_n[..., self.arcs] = through[..., self.arcs] * turned
+        return along_t + along_t[..., self.before], along_n + along_n[..., self.before]
+
+    def bearing(self, omega: Array) -> Array:
+        """Z, MODEL section 5."""
+        if self.drag is None:
+            return np.zeros_like(omega)
+        coulomb, viscous, quadratic = self.drag.T
+        smooth = omega / np.sqrt(omega**2 + self.omega_0**2)
+        return coulomb * smooth + viscous * omega + quadratic * omega * np.abs(omega)
+
+    def mount_rows(
+        self, y: Array, geo: Geometry, ax: Axial, force: Array, density_at: Array,
+        convected_n: Array, dp: Array, da: Array, resists: Array, losing: Array,
+    ) -> tuple[Array, Array, Array]:  # fmt: skip
+        """q'', zeta' and the losses of the mounts. [7]"""
+        q, dq, zeta = (self.get(y, name) for name in ("q", "dq", "zeta"))
+        if not self.n_m:
+            return dq, zeta, np.zeros(q.shape[:-1])
+        m, v = self.get(y, "m"), self.get(y, "v")
+        rho, nxt, of, sense = self.linear_density, self.next, self.pulley, self.sense
+        lever = geo.lever[..., of, :]
+        a_n, a_t = dot(lever, geo.nn), dot(lever, geo.t)
+        # what the belt pulls: cells of the arc, T and the bending of its ends
+        on_cells = np.zeros_like(m)
+        turned = geo.t[..., nxt, :] - geo.t
+        arcs, ends_of = self.arcs, self.next[self.arcs]
+        on_cells[..., arcs] = (ax.tension * dot(lever, turned))[..., arcs]
+        energy = self.bending(m, geo)
+        on_nodes = -a_t * (energy - energy[..., self.before]) / ax.at_node
+        f_t = force[..., 0, :] * a_t[..., arcs] + force[..., 1, :] * a_t[..., ends_of]
+        on_cells[..., arcs] += f_t
+        # inertia normal to the belt. rate_n: u'.n but for q''; of V.n alone, and with the turning
+        axis, known = geo.axis[..., of, :], geo.known[..., of, :]
+        turn = sense * geo.node_turning
+        of_axis = dot(known, geo.nn) + turn * dot(axis, geo.t)
+        span_mass = np.zeros_like(m)
+        span_mass[..., self.spans] = 0.5 * rho * m[..., self.spans]
+        span_mass[..., self.ends] = 0.5 * rho * m[..., self.spans]
+        arc_mass = density_at - span_mass
+        bears = density_at * (-turn * v - dot(self.g, geo.nn)) + convected_n
+        on_nodes -= a_n * (bears + arc_mass * of_axis)
+        own = arc_mass * a_n**2
+        # spans: what modes do not carry of the consistent mass, and the modes themselves
+        whole = rho * m[..., self.spans]
+        rest = np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]]) - 0.5 * self.parts @ self.parts.T
+        pair = np.stack((self.spans, self.ends))
+        rates, levers = of_axis[..., pair], a_n[..., pair]
+        gives = whole[..., None, :] * np.einsum("ij,...jk->...ik", rest, rates)
+        gives += 0.5 * whole[..., None, :] * np.einsum("in,...kn->...ik", self.parts, dp)
+        c = 0.5 * (ax.past[..., self.spans] + ax.past[..., self.ends])
+        swings = 4.0 * rho / ax.stretch[..., self.spans] * c * (self.odd * da).sum(axis=-1)
+        gives += np.array([1.0, -1.0])[:, None] * swings[..., None, :]
+        # the line's lift EI/2RH follows H, R_g stands at H0
+        lift = (ax.pressing[..., self.spans] / self.h_0 - 1.0) * self.tilt / geo.span
+        # its tangent points turn with the axes, and c with them
+        sided = (self.s * self.radii) * losing[..., 0, :]
+        sided = sided + np.roll(self.s * self.radii, -1) * losing[..., 1, :]
+        gives += np.array([-1.0, 1.0])[:, None] * (sided / geo.span)[..., None, :]
+        if self.line_raised:
+            gives += np.array([-1.0, 1.0])[:, None] * lift[..., None, :]
+        np.add.at(on_nodes, (..., pair), -levers * gives + a_t[..., pair] * losing)
+
+        matrix = np.zeros((*q.shape, self.n_m))
+        drives = np.zeros_like(q)
+        spring, lost = np.zeros_like(q), np.zeros(q.shape[:-1])
+        share_rate = np.zeros_like(q)
+        for i, j in enumerate(self.sprung):
+            one = self.mounts[j]
+            here = np.flatnonzero(of == j)
+            matrix[..., i, i] += one.moved + own[..., here].sum(axis=-1)
+            drives[..., i] = on_nodes[..., here].sum(axis=-1) + on_cells[..., here].sum(axis=-1)
+            travel, rate, share = q[..., i], dq[..., i], zeta[..., i]
+            spring[..., i] = one.spring(travel) + one.damper(rate) - one.friction * share
+            spring[..., i] += one.stop(travel, rate) + one.weighs * dot(
+                geo.lever[..., j, :], self.g
+            )
+            if one.carries_bearing:
+                spring[..., i] += resists[..., j]
+            share_rate[..., i] = one.share_rate(rate, share)
+            lost = lost + one.lost(travel, rate, share)
+        for k in range(self.n_p):
+            for x, j in enumerate((k, (k + 1) % self.n_p)):
+                for w, other in enumerate((k, (k + 1) % self.n_p)):
+                    if j in self.sprung and other in self.sprung:
+                        part = whole[..., k] * rest[x, w] * levers[..., x, k] * levers[..., w, k]
+                        matrix[..., self.sprung.index(j), self.sprung.index(other)] += part
+        ddq = np.linalg.solve(matrix, (drives + spring)[..., None])[..., 0]
+        return ddq, share_rate, lost
+
+    # ---- energy ---------------------------------------------------------------------------------
+
+    def energy(self, t: float, y: Array) -> dict[str, Array]:
+        """Stored energy by its terms [J]. [8]"""
+        geo = self.geometry(t, y)
+        ax = self.axial(y, geo)
+        m, v, a, p = (self.get(y, name) for name in "mvap")
+        rho, spans, arcs = self.linear_density, self.spans, self.arcs
+        m_s, span, waves = m[..., spans], geo.span, self.modes * math.pi / geo.span[..., None]
+        elastic = 0.5 * self.axial_stiffness * (ax.stretch - 1.0) ** 2 * m
+        c1, c2 = self.contact
+        d = np.maximum(ax.sink, 0.0)
+        contact = (c1 * d**3 / 3.0 + c2 * ax.sink**2 / 2.0) * m[..., arcs]
+        # spans: what bending stores as H changes, integral of T dX, and the modes
+        ab = a + self.offset(span)
+        h = ax.pressing[..., spans]
+        u = np.log(np.clip(h, SLOPES[0] * self.h_0, SLOPES[1] * self.h_0))
+        x, _ = self.run_off(h, span)
+        stands = 0.25 * span * (waves**2 * ax.static**2).sum(axis=-1)
+        summed, _ = self._tabled(self.x_sum, u)
+        summed = summed + (self.tilt**2 / h + (self.tilt / self.h_0) ** 2 * h) / (2.0 * span)
+        # integral of stands dH is -(S/4) sum k^2 Q^2 ... / (H k^2 + EI k^4)
+        stiff = h[..., None] * waves**2 + self.stiff * waves**4
+        summed = summed + 0.25 * span * (ax.static**2 * stiff).sum(axis=-1)
+        bend = summed - h * (x - stands)
+        bend = bend + 0.25 * span * (self.stiff * waves**4 * ab**2).sum(axis=-1)
+        bend = bend - (self.end_moment(span) * ab).sum(axis=-1)
+        arcs_bent = (self.bending(m, geo) * m).sum(axis=-1)
+        mass = 0.5 * rho * (m + m[..., self.before])
+        kinetic = 0.5 * (mass * v**2).sum(axis=-1)
+        if self.consistent:
+            kinetic = kinetic - (rho * m_s / 12.0 * (v[..., self.ends] - v[..., spans]) ** 2).sum(
+                axis=-1
+            )
+        u_n = dot(geo.axis[..., self.pulley, :], geo.nn)
+        arc_mass = mass.copy()
+        arc_mass[..., spans] -= 0.5 * rho * m_s
+        arc_mass[..., self.ends] -= 0.5 * rho * m_s
+        kinetic = kinetic + 0.5 * (arc_mass * u_n**2).sum(axis=-1)
+        rest = np.array([[1 / 3, 1 / 6], [1 / 6, 1 / 3]]) - 0.5 * self.parts @ self.parts.T
+        both = u_n[..., np.stack((spans, self.ends))]
+        kinetic = kinetic + 0.5 * (
+            rho * m_s * np.einsum("...ik,ij,...jk->...k", both, rest, both)
+        ).sum(axis=-1)
+        gyro = self.gyro / span[..., None, None]
+        ga = (gyro @ a[..., None])[..., 0]
+        c = 0.5 * (ax.past[..., spans] + ax.past[..., self.ends])[..., None]
+        lateral = (p + c * ga) ** 2
+        if self.reaction:
+            lateral = lateral + c**2 * ((waves * ab) ** 2 - ga**2)
+        lateral = 0.25 * rho * m_s * lateral.sum(axis=-1)
+        omega = self.get(y, "omega")
+        found = {
+            "elastic": elastic.sum(axis=-1),
+            "contact": contact.sum(axis=-1),
+            "bending": arcs_bent + bend.sum(axis=-1),
+            "kinetic": kinetic,
+            "lateral": lateral.sum(axis=-1),
+            "pulleys": 0.5 * (self.inertias * omega**2).sum(axis=-1),
+            "mounts": np.zeros(y.shape[:-1]),
+        }
+        q, dq = self.get(y, "q"), self.get(y, "dq")
+        for i, j in enumerate(self.sprung):
+            one = self.mounts[j]
+            place = one.place(q[..., i], self.centers[j])
+            found["mounts"] = found["mounts"] + 0.5 * one.moved * dq[..., i] ** 2
+            found["mounts"] += one.stored(q[..., i]) - one.weighs * dot(self.g, place)
+        return found
