@@ -38,6 +38,7 @@ class BeltFacts(TypedDict):
     tangents: int
     stretches: int
     at_joints: int
+    flows: int  # through cells that stand still
     smooth: int
     shear: float
     reach: float

@@ -118,6 +118,7 @@
   X(int, tangents, "nodes lie on pulleys as tangents, longer than their arcs; else as chords")     \
   X(int, stretches, "chords stretch along themselves; else at the joints, along the circle")       \
   X(int, at_joints, "friction acts at the joints; else at the nodes")                              \
+  X(int, flows, "the belt flows through cells that stand still; else nodes go with it")            \
   X(int, smooth, "contact is of lengths of belt, and sets in without a jump; else of points")      \
   X(double, shear, "m l0^2 / I_z of a link: 12 along it, 4 with its mass at the ends")             \
   X(double, reach, "of contact: so many links before and behind a node add to what acts there")    \
