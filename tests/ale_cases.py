@@ -1,4 +1,4 @@
-"""Drives with a belt that flows, states of theirs and the oracle's rates there, as text in numbers.
+"""Drives with an ALE belt, states of theirs and the oracle's rates there, as text in numbers.
 
 `python tests/ale_cases.py > FILE` writes what the C programs tests/c/test_ale*.c read: a name, how
 many numbers, the numbers (to the last bit); a drive begins with `case NAME`. States are off steady

@@ -1,7 +1,7 @@
-"""The oracle of a belt that flows (ALE) in plain NumPy, from csrc/MODEL_ale_draft.md alone.
+"""The oracle of the ALE belt in plain NumPy, from csrc/MODEL.md, section 11, alone.
 
 It shares no line with the C core and imports nothing of beltdyn. Symbols, sides and senses are
-those of MODEL.md; `[n]` in a comment is the section of the draft. SI units, angles in rad.
+those of MODEL.md; `[n]` in a comment is its section 11.n. SI units, angles in rad.
 
 Every function takes states with any number of axes before the last, so that a Jacobian by
 differences is one call. `ale_reference_mesh.py` has the data and the geometry;

@@ -1,4 +1,4 @@
-"""What is fixed about a belt that flows, and where its mesh stands: data of the drive, numbering of
+"""What is fixed about an ALE belt, and where its mesh stands: data of the drive, numbering of
 cells and nodes, layout of the state, run-offs of the spans, geometry of the loop at one instant.
 
 `ale_reference.py` has the equations of motion on it, and says how both are to be read.

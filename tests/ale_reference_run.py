@@ -14,7 +14,7 @@ from reference_friction import Array, Dahl, LuGre
 
 
 def scales(model: Ale) -> Array:
-    """Size of each unknown by which differences and errors are measured (FLOWING section 3)."""
+    """Size of each unknown by which differences and errors are measured."""
     wave = np.sqrt(model.axial_stiffness * model.linear_density)
     speed = model.h_0 / wave
     y = model.pack()
@@ -255,7 +255,7 @@ def relaid(model: Ale, y: Array, before: Array) -> Array:
 
 
 def error_groups(model: Ale) -> list[Array]:
-    """Unknowns of which the worst rms is the error of a step (FLOWING section 3)."""
+    """Unknowns of which the worst rms is the error of a step."""
     every = {name: np.arange(model.size)[where] for name, (where, _) in model.layout.items()}
     of_spans = np.concatenate((every["m"][model.spans], every["v"][model.spans],
                                every["v"][model.ends]))  # fmt: skip

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A belt that flows through a mesh which stands still (ALE).
+ * ALE belt (MODEL section 11): it flows through a mesh which stands still.
  */
 #include <math.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A belt that flows: what it is made of.
+ * ALE belt: what it is made of.
  */
 #ifndef BELTDYN_BELTS_ALE_H
 #define BELTDYN_BELTS_ALE_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The columns of axes in the Jacobian of a belt that flows: what one more of a mount's travel, and
+ * The columns of axes in the Jacobian of an ALE belt: what one more of a mount's travel, and
  * of its speed, does to all rates, torques and forces, by differences of whole rates. They are two
  * a mount, where the rows of mounts, which are of all unknowns, are derived (ale_jacobian.c).
  */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The Jacobian of a belt that flows, into blocks. Of its unknowns
+ * The Jacobian of an ALE belt, into blocks. Of its unknowns
  *
  *   m, z of both ends, v      a cell of an arc, and the node behind it in the first half of the
  * arc, before it in the second half m, z, v, m, z             the two cells in the middle of an arc

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The ring of blocks of a belt that flows: which unknown stands where, and its memory.
+ * The ring of blocks of an ALE belt: which unknown stands where, and its memory.
  */
 #include <math.h>
 #include <string.h>

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A belt that flows through a mesh which stands still (ALE): what its kernels work on.
+ * ALE belt (MODEL section 11), which flows through a mesh that stands still: what its kernels work
+ * on.
  *
  * An arc and the span behind it are a slab of slots. Cell k of the arc stands in slot begin + k, k
  * < n, the span's only cell in begin + n; node k, where cell k begins, stands in the same slot, the

@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: MIT
  *
- * A belt that flows: factors of 1 - g J, cyclic and tridiagonal by blocks, and solutions. Blocks
+ * ALE belt: factors of 1 - g J, cyclic and tridiagonal by blocks, and solutions. Blocks
  * are eliminated one after the other, the last of them apart; no pivot is sought: each has the
  * identity and what couples a cell's metres to the speed of its node, of opposite signs.
+ *
+ * One chain round the ring, with one block of a cell as the only separator, carries 4 columns
+ * through every block; spans as separators and arcs from both ends would carry the 7 of a span.
  */
 
 /* Of most blocks, those of a cell and a node under a law of one state. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A belt that flows: friction at both ends of the cells on an arc, and the transport of its states
- * with the belt (section 4).
+ * ALE belt (MODEL section 11.4): friction at both ends of the cells on an arc, and the transport of
+ * its states with the belt (section 4).
  */
 
 /* One end of cells at place k: slip velocity and normal force per metre for the law; its force is

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A belt that flows, compiled once per instruction level: all of its rate.
+ * ALE belt, compiled once per instruction level: all of its rate.
  */
 #include "kernels/kernels.h"
 #include "kernels/vector.h"

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A belt that flows: momentum along it, modes of its spans, and what it does to axes (sections 5 to
- * 7).
+ * ALE belt: momentum along it, modes of its spans, and what it does to axes (MODEL sections 11.5 to
+ * 11.7).
  */
 
 /* --- modes of a span, without the terms of c' ------------------------------------------------- */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * A belt that flows: geometry of its mesh, tension and flow (MODEL, "A belt that flows", sections 1
- * to 3).
+ * ALE belt: geometry of its mesh, tension and flow, the ends of wraps (MODEL sections 11.1
+ * to 11.3).
  */
 
 /* --- geometry -------------------------------------------------------------------------------- */

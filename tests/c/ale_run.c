@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A drive of fixed axes with a belt that flows, run by RODAS4 without the rest of the core: what
+ * A drive of fixed axes with an ALE belt, run by RODAS4 without the rest of the core: what
  * steps cost and how many there are. `ale_run FILE CASE SPEED TORQUE T RTOL OUT`: pulley 0 starts
  * at SPEED [rad/s] and is driven against its sense of turning by TORQUE (1 + sin(100 pi t) / 2),
  * which a viscous load on pulley 1 balances at that speed.

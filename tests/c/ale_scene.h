@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * Cases of a belt that flows, which tests/ale_cases.py has written: drives, states and the oracle's
+ * Cases of an ALE belt, which tests/ale_cases.py has written: drives, states and the oracle's
  * rates there, to which those of the kernels are held as they are read.
  */
 #ifndef ALE_SCENE_H

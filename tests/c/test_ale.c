@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * A belt that flows against its oracle: rates, energies, starts. `test_ale FILE [NAME | timed]`.
+ * The ALE belt against its oracle: rates, energies, starts. `test_ale FILE [NAME | timed]`.
  */
 #include "ale_scene.h"
 

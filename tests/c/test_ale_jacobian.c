@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT
  *
- * The Jacobian of a belt that flows against differences of its rates, and solutions of its linear
+ * The Jacobian of an ALE belt against differences of its rates, and solutions of its linear
  * systems by what they leave. `test_ale_jacobian FILE [NAME | timed]`.
  */
 #include "ale_scene.h"
