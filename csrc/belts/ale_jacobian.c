@@ -17,7 +17,7 @@
 
 /* --- entries ---------------------------------------------------------------------------------- */
 
-/* An unknown; of a column beside the ring the pulley whose rim it is (block -1). */
+/* An unknown. */
 typedef struct place {
   int block, at;
 } place;
@@ -36,297 +36,142 @@ static place node_at(const filling *f, int slot) {
   return (place){f->newton->node_block[slot], f->newton->node_at[slot]};
 }
 
-static place state_at(const filling *f, int slot, int end, int e, int states) {
-  return (place){f->newton->cell_block[slot], f->newton->cell_at[slot] + 1 + end * states + e};
-}
-
-static place rim_of(int j) {
-  return (place){-1, j};
-}
-
-static void add(const filling *f, place row, place column, double value) {
-  bd_ale_ring *ring = &f->newton->ring;
+/* The entry of a row; those of the unknowns beside are one further, of columns `lead` further. */
+static double *entry(const filling *f, place row, place column) {
+  const bd_ale_ring *ring = &f->newton->ring;
   const bd_ale_block *block = &ring->blocks[row.block];
-  if (column.block < 0) {
-    f->newton->column[column.at * ring->unknowns + block->at + row.at] += value;
-    return;
-  }
   const int ahead = row.block + 1 < ring->n ? row.block + 1 : 0;
-  double *to = column.block == row.block ? block->own
+  double *of = column.block == row.block ? block->own
                : column.block == ahead   ? block->ahead
                                          : block->back;
-  to[column.at * block->n + row.at] += value;
+  return of + column.at * block->lead + row.at;
 }
 
-/* The torque on a pulley by an unknown. */
-static void add_torque(const filling *f, int j, place column, double value) {
-  bd_ale_ring *ring = &f->newton->ring;
-  if (column.block < 0) {
-    f->newton->own[j] += value;
-  } else {
-    f->newton->row[j * ring->unknowns + ring->blocks[column.block].at + column.at] += value;
-  }
-}
-
-/* The force along the lever of a pulley by an unknown. */
-static void add_push(const filling *f, int j, place column, double value) {
-  bd_ale_ring *ring = &f->newton->ring;
-  if (column.block < 0) {
-    f->newton->push_by_rim[j * f->ale->np + column.at] += value;
-  } else {
-    f->newton->push[j * ring->unknowns + ring->blocks[column.block].at + column.at] += value;
-  }
-}
-
-/* So much more pulls an axis along t of a node of its arc, or bears on it along n, which is less.
- */
-static void push_by(const filling *f, int j, int slot, place column, double along, double bears) {
-  const bd_ale *ale = f->ale;
-  const double *a = ale->arcs[j].axis.lever, D = ale->direction;
-  if (ale->moving && (a[0] != 0.0 || a[1] != 0.0)) {
-    const double tx = ale->tx[slot], ty = ale->ty[slot];
-    add_push(f, j, column, along * (a[0] * tx + a[1] * ty) - bears * D * (a[0] * ty - a[1] * tx));
-  }
-}
-
-static void add_answer(const filling *f, int i, int to, place column, double value) {
-  const bd_ale_arc *arc = &f->ale->arcs[i];
-  const bd_ale_answer *answer = &f->newton->answers[i][to];
-  const int block = f->newton->cell_block[arc->begin + arc->n], K = f->ale->modes;
-  for (int end = 0; end < 2; ++end) {
-    add(f, (place){block, 1 + end}, column, answer->v[end] * value);
-  }
-  for (int n = 0; n < K; ++n) {
-    add(f, (place){block, 3 + K + n}, column, answer->p[n] * value);
-  }
-}
-
-/* Node k of an arc is moved by so much more. */
-static void total_by(const filling *f, int j, int k, place column, double value) {
-  const bd_ale_arc *arc = &f->ale->arcs[j];
-  const int slot = arc->begin + k;
-  if (k == 0) {
-    add_answer(f, arc->before, BD_ALE_LAST, column, value);
-  } else if (k == arc->n) {
-    add_answer(f, j, BD_ALE_FIRST, column, value);
-  } else {
-    const double mass = 0.5 * f->ale->density * (f->y->m[slot] + f->y->m[slot - 1]);
-    add(f, node_at(f, slot), column, value / mass);
-  }
-}
-
-/* Transport of state e through a cell over its flow per metre, at both ends. */
-static void carried(const filling *f, int slot, int e, double out[2]) {
-  const bd_ale_state *y = f->y;
-  const int at = e * y->stride + slot;
-  const double a = y->z[0][at], b = y->z[1][at], mean = 0.5 * (a + b), apart = 0.5 * (a - b);
-  const int back = f->ale->flow[slot] + f->ale->flow[slot + 1] < 0.0;
-  const double r_1 = back ? apart : y->z[1][at - 1] - mean;
-  const double r_2 = back ? mean - y->z[0][at + 1] : apart;
-  out[0] = 4.0 * r_1 - 2.0 * r_2;
-  out[1] = 4.0 * r_2 - 2.0 * r_1;
-}
-
-/* So much more flows through a cell's first node, or less through its last. */
-static void fill_by(const filling *f, int j, int k, place column, double value) {
-  const bd_ale_arc *arc = &f->ale->arcs[j];
-  const int slot = arc->begin + k;
-  add(f, cell_at(f, slot), column, value);
-  if (k == arc->n) {
-    add_answer(f, j, BD_ALE_FILLS, column, value);
-  }
-}
-
-static void carry_by(const filling *f, int j, int k, place column, double value) {
-  const bd_ale_arc *arc = &f->ale->arcs[j];
-  const int slot = arc->begin + k;
-  for (int e = 0; e < arc->states && k < arc->n; ++e) {
-    double out[2];
-    carried(f, slot, e, out);
-    for (int end = 0; end < 2; ++end) {
-      add(f, state_at(f, slot, end, e, arc->states), column,
-          0.5 * value * out[end] / f->y->m[slot]);
-    }
-  }
-}
-
-/* So much more flows through node k. */
-static void flow_by(const filling *f, int j, int k, place column, double value) {
-  const bd_ale_arc *arc = &f->ale->arcs[j];
-  const int before = k > 0 ? j : arc->before, last = k > 0 ? k - 1 : f->ale->arcs[before].n;
-  fill_by(f, before, last, column, -value);
-  carry_by(f, before, last, column, value);
-  fill_by(f, j, k, column, value);
-  carry_by(f, j, k, column, value);
-}
-
-/* What moves a node besides: weight and turning less the rate itself, per mass. */
-static double by_mass(const filling *f, int slot) {
-  const bd_ale *ale = f->ale;
-  return ale->gravity[0] * ale->tx[slot] + ale->gravity[1] * ale->ty[slot] -
-         ale->direction * ale->turn[slot] * ale->across[slot] - f->dy->v[slot];
-}
-
-/* A cell is longer by so much of its stretch: flow, and what bending pulls, at node k. */
-static void stretch_by(const filling *f, int j, int k, place column, double value) {
-  const bd_ale *ale = f->ale;
-  const int slot = ale->arcs[j].begin + k;
-  const double per = ale->per_stretch[slot];
-  const double pull = (ale->bent[slot] - ale->bent[slot - 1]) * per;
-  flow_by(f, j, k, column, -0.5 * ale->flow[slot] * per * value);
-  push_by(f, j, slot, column, 0.5 * pull * per * value, 0.0);
-  total_by(f, j, k, column, -0.5 * pull * per * value);
+/* An unknown's number in one of the vectors beside the ring, of pulley j. */
+static double *beside(const filling *f, double *vectors, int j, place at) {
+  const bd_ale_ring *ring = &f->newton->ring;
+  return vectors + j * ring->unknowns + ring->blocks[at.block].at + at.at;
 }
 
 /* --- arcs ------------------------------------------------------------------------------------- */
 
-/* Of a cell on an arc: depth, stretch, force and H by metres, by the speeds of both ends. */
-typedef struct cell_slopes {
-  double sink, stretch, tension, tension_by_v, pressing, pressing_by_v[2];
-} cell_slopes;
+/* Flow through a node by the metres of both its cells, and by its speed. */
+typedef struct flow_slopes {
+  double before, here, v;
+} flow_slopes;
 
-static cell_slopes slopes_of_cell(const bd_ale *ale, const bd_ale_arc *arc, double m, int slot) {
-  const double d = ale->sink[slot], rho = arc->radius + arc->raised - d, q = arc->cell_angle / m;
-  const double stretch = ale->stretch[slot], EA = ale->axial, q_by_m = -q / m;
-  const double apart = ale->slid[slot + 1] - ale->slid[slot];
-  const double w = 0.5 * (ale->slid[slot + 1] + ale->slid[slot]), momentum = ale->density * w * w;
-  const double stiff =
-      2.0 * ale->quadratic * fmax(d, 0.0) + ale->linear + EA * q * q + momentum / (rho * rho);
-  cell_slopes by;
-  by.sink = EA * (2.0 * stretch - 1.0) / stiff * q_by_m;
-  by.stretch = rho * q_by_m - q * by.sink;
-  by.tension = EA * by.stretch - ale->axial_damping * apart / (m * m);
-  by.tension_by_v = ale->axial_damping / m;
-  by.pressing = by.tension + momentum / (stretch * stretch) * by.stretch;
-  const double thrown = ale->density * w / stretch;
-  by.pressing_by_v[0] = -by.tension_by_v - thrown;
-  by.pressing_by_v[1] = by.tension_by_v - thrown;
-  return by;
+static flow_slopes flow_by(const filling *f, int slot) {
+  const double *stretch = f->newton->slopes.stretch, per = f->ale->per_stretch[slot];
+  const double falls = -0.5 * f->ale->flow[slot] * per;
+  return (flow_slopes){falls * stretch[slot - 1], falls * stretch[slot], per};
 }
 
-/* Friction at one end of a cell. */
-static void rub_by(const filling *f, int j, int k, int end, const cell_slopes *by) {
+/* Stretch of a span by a mode, over that by its metres. */
+static double stretch_by_mode(const bd_ale_span *span, int n) {
+  return -0.5 * span->length * span->wave[n] * span->wave[n] * span->ab[n] / span->stretch;
+}
+
+/* Rows of a cell's metres and states. What runs in is of the cell before it, or behind it. */
+static void fill_cell(const filling *f, int j, int k) {
+  static const double upwind[2][2][3] = {{{-3.0, -1.0, 4.0}, {3.0, -1.0, -2.0}},
+                                         {{1.0, -3.0, 2.0}, {1.0, 3.0, -4.0}}};
   const bd_ale *ale = f->ale;
-  const bd_ale_slopes *law = &f->newton->slopes;
-  const bd_ale_arc *arc = &ale->arcs[j];
+  const bd_ale_arc *arc = &ale->arcs[j], *behind = &ale->arcs[arc->before];
+  const bd_ale_slopes *by = &f->newton->slopes;
   const int slot = arc->begin + k, states = arc->states;
-  const double m = f->y->m[slot], H = ale->pressing[slot], half = 0.5 * m;
-  const double rho = arc->radius + arc->raised - ale->sink[slot];
-  const double share = (end == 0 ? ale->share_a : ale->share_b)[slot];
-  const double presses = H > 0.0 ? arc->cell_angle * share / m : 0.0;
-  const place metres = cell_at(f, slot), nodes[2] = {node_at(f, slot), node_at(f, slot + 1)};
-  const double by_n = law->by_normal[end][slot], by_s = law->by_slip[end][slot];
-  const double n_by_m = presses * (by->pressing - H / m);
-  const double slip_by_m = arc->sense * arc->axis.omega * by->sink;
-  const double slip_by_rim = -arc->sense * rho;
-  /* columns of both nodes, metres, and the rim; states follow */
-  const place columns[4] = {nodes[0], nodes[1], metres, rim_of(j)};
-  double normal[4], slip[4];
-  for (int c = 0; c < 2; ++c) {
-    normal[c] = presses * by->pressing_by_v[c];
-    slip[c] = c == end ? 1.0 : 0.0;
-  }
-  normal[2] = n_by_m;
-  slip[2] = slip_by_m;
-  normal[3] = 0.0;
-  slip[3] = slip_by_rim;
-  for (int c = 0; c < 4; ++c) {
-    double force = half * (by_n * normal[c] + by_s * slip[c]);
-    force += c == 2 ? 0.5 * law->force[end][slot] : 0.0;
-    total_by(f, j, k + end, columns[c], -force);
-    push_by(f, j, slot + end, columns[c], force, 0.0);
-    add_torque(f, j, columns[c], arc->sense * rho * force);
-    for (int e = 0; e < states; ++e) {
-      const int at = e * f->newton->stride + slot;
-      add(f, state_at(f, slot, end, e, states), columns[c],
-          law->rate_by_normal[end][at] * normal[c] + law->rate_by_slip[end][at] * slip[c]);
+  const int before = k > 0 ? slot - 1 : behind->begin + behind->n;
+  const place row = cell_at(f, slot);
+  const int lead = f->newton->ring.blocks[row.block].lead;
+  double *const last = entry(f, row, cell_at(f, before)), *const own = entry(f, row, row);
+  double *const next = entry(f, row, cell_at(f, slot + 1));
+  double *const v = entry(f, row, node_at(f, slot)), *const v_next =
+                                                         entry(f, row, node_at(f, slot + 1));
+  double *const rim = beside(f, f->newton->column, j, row);
+  const flow_slopes in = flow_by(f, slot), out = flow_by(f, slot + 1);
+  const double per_m = 1.0 / f->y->m[slot];
+  const double flow = 0.5 * per_m * (ale->flow[slot] + ale->flow[slot + 1]);
+  const int back = flow < 0.0;
+  last[0] = in.before;
+  own[0] = in.here - out.before;
+  next[0] = -out.here;
+  v[0] = in.v;
+  v_next[0] = -out.v;
+  for (int e = 0; e < 2 * states; ++e) {
+    const int end = e / states, row_e = 1 + e, at = e % states * f->y->stride + slot;
+    const double *share = upwind[back][end], a = f->y->z[0][at], b = f->y->z[1][at];
+    const double comes = back ? f->y->z[0][at + 1] : f->y->z[1][at - 1];
+    const double moves = per_m * (share[0] * a + share[1] * b + share[2] * comes);
+    last[row_e] = 0.5 * moves * in.before;
+    own[row_e] = by->rate[end][BD_ALE_M][at] + 0.5 * moves * (in.here + out.before) - flow * moves;
+    next[row_e] = 0.5 * moves * out.here;
+    v[row_e] = by->rate[end][BD_ALE_V][at] + 0.5 * moves * in.v;
+    v_next[row_e] = by->rate[end][BD_ALE_V_AFTER][at] + 0.5 * moves * out.v;
+    rim[row_e] = by->rate[end][BD_ALE_RIM][at];
+    own[(1 + e % states) * lead + row_e] = flow * share[0];
+    own[(1 + states + e % states) * lead + row_e] = flow * share[1];
+    own[row_e * lead + row_e] += by->rate_z[end][at];
+    if (k > 0) {
+      last[(1 + states + e % states) * lead + row_e] = back ? 0.0 : flow * share[2];
+    }
+    if (k + 1 < arc->n) {
+      next[(1 + e % states) * lead + row_e] = back ? flow * share[2] : 0.0;
     }
   }
-  const double rubs = (end == 0 ? ale->force_a : ale->force_b)[slot];
-  add_torque(f, j, metres, -arc->sense * by->sink * rubs);
+  /* a span's length is that of its modes as well */
+  for (int n = 0; n < ale->modes; ++n) {
+    for (int r = 0; r <= 2 * states && k == 0; ++r) {
+      last[(3 + n) * lead + r] = last[r] * stretch_by_mode(&ale->spans[arc->before], n);
+    }
+    for (int r = 0; r <= 2 * states && k + 1 == arc->n; ++r) {
+      next[(3 + n) * lead + r] = next[r] * stretch_by_mode(&ale->spans[j], n);
+    }
+  }
+}
+
+/* The row of a node's speed, with an arc's cells on both sides. */
+static void fill_node(const filling *f, int j, int k) {
+  const bd_ale_arc *arc = &f->ale->arcs[j];
+  const bd_ale_slopes *by = &f->newton->slopes;
+  const int slot = arc->begin + k, states = arc->states;
+  const place row = node_at(f, slot);
+  const int lead = f->newton->ring.blocks[row.block].lead;
+  double *const last = entry(f, row, cell_at(f, slot - 1)), *const next =
+                                                                entry(f, row, cell_at(f, slot));
+  const double per = 2.0 / (f->ale->density * (f->y->m[slot] + f->y->m[slot - 1]));
+  double *const *const of_last = by->total[1], *const *const of_next = by->total[0];
+  *last = per * of_last[BD_ALE_M][slot - 1];
+  *next = per * of_next[BD_ALE_M][slot];
+  *entry(f, row, node_at(f, slot - 1)) = per * of_last[BD_ALE_V][slot - 1];
+  *entry(f, row, row) = per * (of_last[BD_ALE_V_AFTER][slot - 1] + of_next[BD_ALE_V][slot]);
+  *entry(f, row, node_at(f, slot + 1)) = per * of_next[BD_ALE_V_AFTER][slot];
+  *beside(f, f->newton->column, j, row) =
+      per * (of_last[BD_ALE_RIM][slot - 1] + of_next[BD_ALE_RIM][slot]);
   for (int e = 0; e < states; ++e) {
     const int at = e * f->newton->stride + slot;
-    const place z = state_at(f, slot, end, e, states);
-    const double force = half * law->by_state[end][at];
-    total_by(f, j, k + end, z, -force);
-    push_by(f, j, slot + end, z, force, 0.0);
-    add_torque(f, j, z, arc->sense * rho * force);
-    add(f, z, z, law->rate_by_state[end][at]);
+    last[(1 + states + e) * lead] = per * by->total_z[1][at - 1];
+    next[(1 + e) * lead] = per * by->total_z[0][at];
   }
 }
 
-/* States by themselves and by those that run in, and by metres, with the flow held. */
-static void carry_cell(const filling *f, int j, int k) {
-  const bd_ale *ale = f->ale;
-  const bd_ale_arc *arc = &ale->arcs[j];
-  const int slot = arc->begin + k, states = arc->states;
-  const double m = f->y->m[slot], flow = 0.5 * (ale->flow[slot] + ale->flow[slot + 1]) / m;
-  const int back = flow < 0.0;
-  /* r_1, r_2 by z_a, z_b, and by what runs in */
-  const double r[2][3] = {{back ? 0.5 : -0.5, -0.5, back ? 0.0 : 1.0},
-                          {0.5, back ? 0.5 : -0.5, back ? -1.0 : 0.0}};
-  const int from = back ? k + 1 : k - 1;
-  for (int e = 0; e < states; ++e) {
-    double out[2];
-    carried(f, slot, e, out);
-    for (int end = 0; end < 2; ++end) {
-      const place row = state_at(f, slot, end, e, states);
-      const double *near = r[end], *other = r[1 - end];
-      add(f, row, cell_at(f, slot), -flow * out[end] / m);
-      for (int c = 0; c < 3; ++c) {
-        const double value = flow * (4.0 * near[c] - 2.0 * other[c]);
-        if (c < 2) {
-          add(f, row, state_at(f, slot, c, e, states), value);
-        } else if (from >= 0 && from < arc->n) {
-          add(f, row, state_at(f, arc->begin + from, back ? 0 : 1, e, states), value);
-        }
-      }
+/* The torque on a pulley by its arc. */
+static void fill_torque(const filling *f, int j) {
+  const bd_ale_arc *arc = &f->ale->arcs[j];
+  const bd_ale_slopes *by = &f->newton->slopes;
+  double *const row = f->newton->row, *const *const torque = by->torque;
+  f->newton->own[j] = 0.0;
+  for (int slot = arc->begin; slot < arc->begin + arc->n; ++slot) {
+    const double lever = -arc->sense * (arc->radius + arc->raised - f->ale->sink[slot]);
+    const double before = slot > arc->begin ? torque[BD_ALE_V_AFTER][slot - 1] : 0.0;
+    double *const cell = beside(f, row, j, cell_at(f, slot));
+    *beside(f, row, j, node_at(f, slot)) = torque[BD_ALE_V][slot] + before;
+    *beside(f, row, j, node_at(f, slot + 1)) = torque[BD_ALE_V_AFTER][slot];
+    cell[0] = torque[BD_ALE_M][slot];
+    f->newton->own[j] += torque[BD_ALE_RIM][slot];
+    for (int e = 0; e < 2 * arc->states; ++e) {
+      cell[1 + e] =
+          lever * by->total_z[e / arc->states][e % arc->states * f->newton->stride + slot];
     }
   }
-}
-
-/* What a node's mass bears on its axis along n, over it; of an arc's own part with what its axis
- * adds. */
-static double bears_of(const filling *f, int j, int slot, int own) {
-  const bd_ale *ale = f->ale;
-  const bd_ale_axis *axis = &ale->arcs[j].axis;
-  const double D = ale->direction, tx = ale->tx[slot], ty = ale->ty[slot], nx = D * ty;
-  const double ny = -D * tx, turn = D * ale->turn[slot];
-  const double of_axis =
-      axis->known[0] * nx + axis->known[1] * ny + turn * (axis->v[0] * tx + axis->v[1] * ty);
-  return -turn * f->y->v[slot] - ale->gravity[0] * nx - ale->gravity[1] * ny + own * of_axis;
-}
-
-static void fill_cell(const filling *f, int j, int k) {
-  const bd_ale *ale = f->ale;
-  const bd_ale_arc *arc = &ale->arcs[j];
-  const int slot = arc->begin + k;
-  const double m = f->y->m[slot], stretch = ale->stretch[slot], half = 0.5 * ale->density;
-  const cell_slopes by = slopes_of_cell(ale, arc, m, slot);
-  const place metres = cell_at(f, slot);
-  const double apart = ale->slid[slot + 1] - ale->slid[slot];
-  const double quarter = 0.25 * ale->density / stretch;
-  const double through = quarter * (ale->past[slot] + ale->past[slot + 1]);
-  const double carries[2] = {quarter * apart - through, quarter * apart + through};
-  for (int end = 0; end < 2; ++end) {
-    const double sign = end == 0 ? 1.0 : -1.0, per = ale->per_stretch[slot + end];
-    stretch_by(f, j, k + end, metres, by.stretch);
-    total_by(f, j, k + end, metres,
-             sign * (by.tension - 2.0 * ale->bent[slot] / m * per) +
-                 through * apart / stretch * by.stretch + half * by_mass(f, slot + end));
-    push_by(f, j, slot + end, metres, -sign * (by.tension - 2.0 * ale->bent[slot] / m * per),
-            half * bears_of(f, j, slot + end, 1) - ale->carried_n[slot] / stretch * by.stretch);
-    for (int c = 0; c < 2; ++c) {
-      const double pulls = c == 0 ? -by.tension_by_v : by.tension_by_v;
-      total_by(f, j, k + end, node_at(f, slot + c), sign * pulls - carries[c]);
-      push_by(f, j, slot + end, node_at(f, slot + c), -sign * pulls,
-              arc->half_turn * (quarter * (ale->slid[slot] + ale->slid[slot + 1]) + through));
-    }
-    if (arc->friction.law != BD_LAW_NONE) {
-      rub_by(f, j, k, end, &by);
-    }
-  }
-  carry_cell(f, j, k);
 }
 
 /* --- spans ------------------------------------------------------------------------------------ */
@@ -388,20 +233,111 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
   return out;
 }
 
-static void prepare_answers(const filling *f, int i) {
-  const span_move moves[BD_ALE_ANSWERS] = {
-      [BD_ALE_FIRST] = {.total = {1.0, 0.0}},
-      [BD_ALE_LAST] = {.total = {0.0, 1.0}},
-      [BD_ALE_FILLS] = {.fills = 1.0},
-  };
-  for (int k = 0; k < BD_ALE_ANSWERS; ++k) {
-    f->newton->answers[i][k] = answer_of(f, i, &moves[k]);
+/* Rows of a span by an unknown beside it: of its metres the rate, and what moves an end. */
+static void respond(const filling *f, int i, double *to, double fills, int end, double total) {
+  const bd_ale_answer *moved = &f->newton->answers[i][end == 0 ? BD_ALE_FIRST : BD_ALE_LAST];
+  const bd_ale_answer *filled = &f->newton->answers[i][BD_ALE_FILLS];
+  const int K = f->ale->modes;
+  to[0] = fills;
+  for (int k = 0; k < 2; ++k) {
+    to[1 + k] = total * moved->v[k] + fills * filled->v[k];
+  }
+  for (int n = 0; n < K; ++n) {
+    to[3 + K + n] = total * moved->p[n] + fills * filled->p[n];
+  }
+}
+
+/* Columns of the cell and the node next to one end, which are on arc j, and of its rim. */
+static void fill_beside(const filling *f, int i, int end) {
+  const bd_ale_slopes *by = &f->newton->slopes;
+  const int j = end == 0 ? i : f->ale->arcs[i].next,
+            span = f->ale->arcs[i].begin + f->ale->arcs[i].n;
+  const bd_ale_arc *arc = &f->ale->arcs[j];
+  const int cell = end == 0 ? span - 1 : arc->begin, node = end == 0 ? span - 1 : arc->begin + 1;
+  const place row = {f->newton->cell_block[span], 0};
+  const int lead = f->newton->ring.blocks[row.block].lead, states = arc->states;
+  double *const *const total = by->total[1 - end], *const to = entry(f, row, cell_at(f, cell));
+  const double fills = end == 0 ? flow_by(f, span).before : -flow_by(f, arc->begin).here;
+  respond(f, i, to, fills, end, total[BD_ALE_M][cell]);
+  respond(f, i, entry(f, row, node_at(f, node)), 0.0, end,
+          total[end == 0 ? BD_ALE_V : BD_ALE_V_AFTER][cell]);
+  respond(f, i, beside(f, f->newton->column, j, row), 0.0, end, total[BD_ALE_RIM][cell]);
+  for (int e = 0; e < states; ++e) {
+    respond(f, i, to + (1 + (1 - end) * states + e) * lead, 0.0, end,
+            by->total_z[1 - end][e * f->newton->stride + cell]);
+  }
+}
+
+/* --- axes ------------------------------------------------------------------------------------- */
+
+static int has_lever(const bd_ale *ale, int j) {
+  const double *a = ale->arcs[j].axis.lever;
+  return ale->moving && (a[0] != 0.0 || a[1] != 0.0);
+}
+
+/* Of what pulls the axis along t of a node of its arc, and of what bears on it along n, which is
+ * less, the part along the lever. */
+static double along_lever(const bd_ale *ale, int j, int slot, double along, double bears) {
+  const double *a = ale->arcs[j].axis.lever, tx = ale->tx[slot], ty = ale->ty[slot];
+  return along * (a[0] * tx + a[1] * ty) - bears * ale->direction * (a[0] * ty - a[1] * tx);
+}
+
+/* What moves a node besides: weight and turning less the rate itself, per mass. */
+static double by_mass(const filling *f, int slot) {
+  const bd_ale *ale = f->ale;
+  return ale->gravity[0] * ale->tx[slot] + ale->gravity[1] * ale->ty[slot] -
+         ale->direction * ale->turn[slot] * ale->across[slot] - f->dy->v[slot];
+}
+
+/* What a node's mass bears on its axis along n, over it; of an arc's own part with what its axis
+ * adds. */
+static double bears_of(const filling *f, int j, int slot, int own) {
+  const bd_ale *ale = f->ale;
+  const bd_ale_axis *axis = &ale->arcs[j].axis;
+  const double D = ale->direction, tx = ale->tx[slot], ty = ale->ty[slot], nx = D * ty;
+  const double ny = -D * tx, turn = D * ale->turn[slot];
+  const double of_axis =
+      axis->known[0] * nx + axis->known[1] * ny + turn * (axis->v[0] * tx + axis->v[1] * ty);
+  return -turn * f->y->v[slot] - ale->gravity[0] * nx - ale->gravity[1] * ny + own * of_axis;
+}
+
+/* The force on an axis by its arc: what does not move the nodes, less F (u' - u) and weight. */
+static void push_by_arc(const filling *f, int j) {
+  const bd_ale *ale = f->ale;
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const bd_ale_slopes *by = &f->newton->slopes;
+  const double half = 0.5 * ale->density;
+  double *const push = f->newton->push, *const by_rim = f->newton->push_by_rim + j * ale->np;
+  memset(push + j * f->newton->ring.unknowns, 0, (size_t)f->newton->ring.unknowns * sizeof *push);
+  memset(by_rim, 0, (size_t)ale->np * sizeof *by_rim);
+  for (int at = 0; at < 2 * arc->n; ++at) {
+    const int slot = arc->begin + at / 2, end = at % 2, node = slot + end;
+    double *const *const total = by->total[end], *const cell = beside(f, push, j, cell_at(f, slot));
+    const double per = 1.0 / ale->stretch[slot], stretched = per * by->stretch[slot];
+    const double w = ale->slid[slot] + ale->slid[slot + 1];
+    const double apart = ale->slid[slot + 1] - ale->slid[slot], quarter = 0.25 * ale->density * per;
+    const double through = quarter * (ale->past[slot] + ale->past[slot + 1]);
+    cell[0] += along_lever(ale, j, node,
+                           ale->carried_t[slot] * stretched + half * by_mass(f, node) -
+                               total[BD_ALE_M][slot],
+                           half * bears_of(f, j, node, 1) - ale->carried_n[slot] * stretched);
+    for (int c = 0; c < 2; ++c) {
+      const double lags = quarter * apart + (c == 0 ? -through : through);
+      *beside(f, push, j, node_at(f, slot + c)) +=
+          along_lever(ale, j, node, -total[BD_ALE_V + c][slot] - lags,
+                      arc->half_turn * (quarter * w + through));
+    }
+    by_rim[j] += along_lever(ale, j, node, -total[BD_ALE_RIM][slot], 0.0);
+    for (int e = 0; e < arc->states; ++e) {
+      cell[1 + end * arc->states + e] +=
+          along_lever(ale, j, node, -by->total_z[end][e * f->newton->stride + slot], 0.0);
+    }
   }
 }
 
 /* Of span i the forces on both axes by a column, but for what its modes' rates add. */
 static void push_by_span(const filling *f, int i, place column, const span_move *by,
-                         double pressing, const double losing[2]) {
+                         double pressing, const double losing[2], const double bends[2]) {
   const bd_ale *ale = f->ale;
   const bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arcs[2] = {&ale->arcs[i], &ale->arcs[ale->arcs[i].next]};
@@ -436,7 +372,8 @@ static void push_by_span(const filling *f, int i, place column, const span_move 
     const double push = ale->density * by->m * gives + sign * (swings - lift - sided);
     const int j = end == 0 ? i : ale->arcs[i].next;
     const double bears = half * by->m * bears_of(f, j, nodes[end], 0);
-    push_by(f, j, nodes[end], column, losing[end], push + bears + carries);
+    *beside(f, f->newton->push, j, column) +=
+        along_lever(ale, j, nodes[end], losing[end] + bends[end], push + bears + carries);
   }
 }
 
@@ -448,7 +385,7 @@ static void push_by_modes(const filling *f, int i) {
   const int K = ale->modes, slot = ale->arcs[i].begin + ale->arcs[i].n;
   const int b = f->newton->cell_block[slot];
   const bd_ale_block *block = &ring->blocks[b];
-  const int beside[3] = {(b + ring->n - 1) % ring->n, b, (b + 1) % ring->n};
+  const int near[3] = {(b + ring->n - 1) % ring->n, b, (b + 1) % ring->n};
   const double *const parts[3] = {block->back, block->own, block->ahead};
   for (int end = 0; end < 2; ++end) {
     const int j = end == 0 ? i : ale->arcs[i].next;
@@ -457,32 +394,55 @@ static void push_by_modes(const filling *f, int i) {
     for (int n = 0; n < K && lever != 0.0; ++n) {
       const double share = -0.5 * ale->density * f->y->m[slot] * ale->parts[end][n] * lever;
       for (int p = 0; p < 3; ++p) {
-        for (int c = 0; c < ring->blocks[beside[p]].n; ++c) {
-          add_push(f, j, (place){beside[p], c}, share * parts[p][c * block->n + 3 + K + n]);
+        for (int c = 0; c < ring->blocks[near[p]].n; ++c) {
+          *beside(f, f->newton->push, j, (place){near[p], c}) +=
+              share * parts[p][c * block->lead + 3 + K + n];
         }
       }
       for (int rim = 0; rim < ale->np; ++rim) {
-        add_push(f, j, rim_of(rim),
-                 share * f->newton->column[rim * ring->unknowns + block->at + 3 + K + n]);
+        f->newton->push_by_rim[j * ale->np + rim] +=
+            share * f->newton->column[rim * ring->unknowns + block->at + 3 + K + n];
       }
     }
   }
 }
 
+/* --- all -------------------------------------------------------------------------------------- */
+
+static void prepare_span(const filling *f, int i) {
+  static const span_move moves[BD_ALE_ANSWERS] = {
+      [BD_ALE_FIRST] = {.total = {1.0, 0.0}},
+      [BD_ALE_LAST] = {.total = {0.0, 1.0}},
+      [BD_ALE_FILLS] = {.fills = 1.0},
+  };
+  const bd_ale_arc *arc = &f->ale->arcs[i];
+  const bd_ale_span *span = &f->ale->spans[i];
+  double *stretch = f->newton->slopes.stretch;
+  for (int k = 0; k < BD_ALE_ANSWERS; ++k) {
+    f->newton->answers[i][k] = answer_of(f, i, &moves[k]);
+  }
+  stretch[arc->begin + arc->n] = -span->stretch * span->per_slope / f->ale->axial;
+  stretch[f->ale->arcs[arc->next].begin - 1] = stretch[arc->begin + arc->n];
+}
+
+/* Columns of a span's own unknowns. */
 static void fill_span(const filling *f, int i) {
   const bd_ale *ale = f->ale;
   const bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
   const int slot = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = ale->modes;
+  const int nodes[2] = {slot, after};
   const double EA = ale->axial, m = f->y->m[slot], damped = ale->axial_damping / m;
   const double apart = f->y->v[after] - f->y->v[slot], half = 0.5 * ale->density;
   const double through = half * span->past / span->stretch;
   const int block = f->newton->cell_block[slot];
+  const double of_v[2] = {f->newton->slopes.total[1][BD_ALE_V_AFTER][slot - 1],
+                          f->newton->slopes.total[0][BD_ALE_V][after]};
   for (int c = 0; c < 3 + 2 * K; ++c) {
     const int n = c < 3 + K ? c - 3 : c - 3 - K;
-    const place column = {block, c};
+    double *const to = entry(f, (place){block, 0}, (place){block, c});
     span_move by = {.m = c == 0 ? 1.0 : 0.0, .past = c == 1 || c == 2 ? 0.5 : 0.0};
-    double damping = 0.0, carries = 0.0;
+    double damping = 0.0, carries = 0.0, losing[2], bends[2];
     if (c == 0) {
       by.elastic = -span->stretch * span->per_slope;
       damping = -damped * apart / m;
@@ -491,11 +451,10 @@ static void fill_span(const filling *f, int i) {
       carries = half * 0.5 * apart / span->stretch + (c == 1 ? -through : through);
     } else if (c < 3 + K) {
       by.a[n] = 1.0;
-      by.elastic =
-          0.5 * span->length * span->wave[n] * span->wave[n] * span->ab[n] * span->per_slope;
+      by.elastic = -span->stretch * span->per_slope * stretch_by_mode(span, n);
     } else {
       by.p[n] = 1.0;
-      add(f, (place){block, 3 + n}, column, 1.0);
+      to[3 + n] = 1.0;
     }
     by.stretch = by.elastic / EA;
     carries -= through * apart / span->stretch * by.stretch;
@@ -503,60 +462,53 @@ static void fill_span(const filling *f, int i) {
     const double pressing =
         by.elastic + thrown * span->past / span->stretch * by.stretch - 2.0 * thrown * by.past;
     const double rises = span->pressing > BD_ALE_LEAST * ale->rest ? 0.5 / span->pressing : 0.0;
-    double losing[2];
     for (int end = 0; end < 2; ++end) {
-      losing[end] =
-          span->losing[end] * rises * pressing + (c == 1 + end ? span->per_losing[end] : 0.0);
+      const int node = nodes[end];
+      const double sign = end == 0 ? 1.0 : -1.0, per = ale->per_stretch[node];
+      const double own = c == 1 + end ? 1.0 : 0.0;
+      bends[end] = 0.5 * (ale->bent[node] - ale->bent[node - 1]) * per * per * by.stretch;
+      losing[end] = span->losing[end] * rises * pressing + own * span->per_losing[end];
+      by.total[end] = sign * (by.elastic + damping) - carries +
+                      (c == 0 ? half * by_mass(f, node) : 0.0) - losing[end] - bends[end] +
+                      own * of_v[end];
+      by.fills += sign * per * (own - 0.5 * ale->flow[node] * by.stretch);
     }
-    push_by_span(f, i, column, &by, pressing, losing);
-    const bd_ale_answer own = answer_of(f, i, &by);
-    for (int end = 0; end < 2; ++end) {
-      const int j = end == 0 ? i : arc->next, k = end == 0 ? arc->n : 0;
-      const double sign = end == 0 ? 1.0 : -1.0;
-      const double mass = c == 0 ? half * by_mass(f, end == 0 ? slot : after) : 0.0;
-      add(f, (place){block, 1 + end}, column, own.v[end]);
-      total_by(f, j, k, column, sign * (by.elastic + damping) - carries + mass - losing[end]);
-      stretch_by(f, j, k, column, by.stretch);
-    }
-    for (int r = 0; r < K; ++r) {
-      add(f, (place){block, 3 + K + r}, column, own.p[r]);
+    const bd_ale_answer out = answer_of(f, i, &by);
+    to[0] = by.fills;
+    memcpy(to + 1, out.v, sizeof out.v);
+    memcpy(to + 3 + K, out.p, (size_t)K * sizeof *out.p);
+    if (has_lever(ale, i) || has_lever(ale, arc->next)) {
+      push_by_span(f, i, (place){block, c}, &by, pressing, losing, bends);
     }
   }
 }
 
-/* --- all -------------------------------------------------------------------------------------- */
-
 void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_kernels *kernels,
                       const bd_ale_state *y, const bd_ale_state *dy) {
-  const bd_ale_ring *ring = &newton->ring;
   const filling f = {newton, ale, y, dy};
-  for (int b = 0; b < ring->n; ++b) {
-    const bd_ale_block *block = &ring->blocks[b];
-    memset(block->back, 0, (size_t)(block->inverse - block->back) * sizeof(double));
+  for (int j = 0; j < ale->np; ++j) {
+    kernels->slopes[ale->arcs[j].friction.law](ale, j, y, dy, &newton->slopes);
   }
-  memset(newton->column, 0, (size_t)(ale->np * ring->unknowns) * sizeof(double));
-  memset(newton->row, 0, (size_t)(ale->np * ring->unknowns) * sizeof(double));
-  memset(newton->own, 0, (size_t)ale->np * sizeof(double));
-  memset(newton->push, 0, (size_t)(ale->np * ring->unknowns) * sizeof(double));
-  memset(newton->push_by_rim, 0, (size_t)(ale->np * ale->np) * sizeof(double));
   for (int i = 0; i < ale->np; ++i) {
-    prepare_answers(&f, i);
+    prepare_span(&f, i);
   }
   for (int j = 0; j < ale->np; ++j) {
-    const bd_ale_arc *arc = &ale->arcs[j];
-    if (arc->friction.law != BD_LAW_NONE) {
-      kernels->slopes[arc->friction.law](ale, j, y, &newton->slopes);
-    }
-    for (int k = 0; k <= arc->n; ++k) {
-      const int slot = arc->begin + k;
-      flow_by(&f, j, k, node_at(&f, slot), ale->per_stretch[slot]);
-      if (k < arc->n) {
-        fill_cell(&f, j, k);
+    const int n = ale->arcs[j].n;
+    for (int k = 0; k < n; ++k) {
+      fill_cell(&f, j, k);
+      if (k > 0) {
+        fill_node(&f, j, k);
       }
     }
-    fill_span(&f, j);
+    fill_torque(&f, j);
+    if (has_lever(ale, j)) {
+      push_by_arc(&f, j);
+    }
   }
-  for (int j = 0; ale->moving && j < ale->np; ++j) {
-    push_by_modes(&f, j);
+  for (int i = 0; i < ale->np; ++i) {
+    fill_span(&f, i);
+    fill_beside(&f, i, 0);
+    fill_beside(&f, i, 1);
+    push_by_modes(&f, i);
   }
 }

@@ -43,7 +43,7 @@ static void carve_blocks(bd_carver *carver, bd_ale_ring *ring, const bd_ale *ale
     for (int k = 0; k < ale->arcs[j].n; ++k, b = (b + 1) % n) {
       const int of = unknowns_of(ale, &ale->arcs[j], k);
       if (carver->base) {
-        ring->blocks[b].n = of;
+        ring->blocks[b].n = ring->blocks[b].lead = of;
       }
       last = b == n - 1 ? of : last;
       ring->largest = of > ring->largest ? of : ring->largest;
@@ -91,16 +91,17 @@ void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale 
     carve_slab(carver, ale, maps[k]);
   }
   bd_ale_slopes *slopes = &newton->slopes;
+  carve_rows(carver, ale, 1, &slopes->stretch);
+  for (int u = 0; u < BD_ALE_BYS; ++u) {
+    carve_rows(carver, ale, 1, &slopes->torque[u]);
+    for (int end = 0; end < 2; ++end) {
+      carve_rows(carver, ale, 1, &slopes->total[end][u]);
+      carve_rows(carver, ale, states, &slopes->rate[end][u]);
+    }
+  }
   for (int end = 0; end < 2; ++end) {
-    double **const single[] = {&slopes->force[end], &slopes->by_normal[end], &slopes->by_slip[end]};
-    double **const several[] = {&slopes->by_state[end], &slopes->rate_by_normal[end],
-                                &slopes->rate_by_state[end], &slopes->rate_by_slip[end]};
-    for (int k = 0; k < 3; ++k) {
-      carve_rows(carver, ale, 1, single[k]);
-    }
-    for (int k = 0; k < 4; ++k) {
-      carve_rows(carver, ale, states, several[k]);
-    }
+    carve_rows(carver, ale, states, &slopes->rate_z[end]);
+    carve_rows(carver, ale, states, &slopes->total_z[end]);
   }
   BD_CARVE(carver, newton->column, ale->np * newton->ring.unknowns);
   BD_CARVE(carver, newton->row, ale->np * newton->ring.unknowns);

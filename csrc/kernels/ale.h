@@ -107,18 +107,22 @@ typedef struct bd_ale_state {
   int stride;
 } bd_ale_state;
 
-/* Derivatives of friction, by end of a cell: of force and of the rate of its state, elements
- * `stride` after one another, to normal force per metre, state and slip velocity. */
+/* Derivatives by cell of an arc, with the flow through it held: of its stretch by its metres; of
+ * what moves the node at either end, over which its mass stands, and of the torque, by its metres,
+ * by the speeds of both nodes, by that of the rim; rates of states at either end by the same, by
+ * themselves, and what moves the node by them, elements `stride` after one another. */
+enum { BD_ALE_M, BD_ALE_V, BD_ALE_V_AFTER, BD_ALE_RIM, BD_ALE_BYS };
+
 typedef struct bd_ale_slopes {
-  double *force[2], *by_normal[2], *by_slip[2];
-  double *by_state[2], *rate_by_normal[2], *rate_by_state[2], *rate_by_slip[2];
+  double *stretch, *total[2][BD_ALE_BYS], *torque[BD_ALE_BYS];
+  double *rate[2][BD_ALE_BYS], *rate_z[2], *total_z[2];
 } bd_ale_slopes;
 
 /* A block of unknowns: of the Jacobian what couples it to the block behind, to itself, to the one
- * ahead, by columns; of its elimination D^-1, D^-1 of what is behind, ahead and of the last block,
- * and what that one has of it. */
+ * ahead, columns of `lead` rows; of its elimination D^-1, D^-1 of what is behind, ahead and of the
+ * last block, and what that one has of it. */
 typedef struct bd_ale_block {
-  int n, at; /* unknowns, the first of them */
+  int n, lead, at; /* unknowns, the first of them */
   double *back, *own, *ahead;
   double *inverse, *behind, *next, *far, *from;
 } bd_ale_block;
@@ -143,8 +147,8 @@ typedef struct bd_ale_kernels {
   void (*freeze)(bd_ale *ale, const bd_ale_state *y);
   void (*rub[BD_N_LAWS])(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy);
   void (*move)(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy);
-  /* After a rate: derivatives of friction of an arc [law]. 1 - g J: its factors, solutions. */
-  void (*slopes[BD_N_LAWS])(const bd_ale *ale, int j, const bd_ale_state *y,
+  /* After a rate: derivatives of an arc [law]. 1 - g J: its factors, solutions. */
+  void (*slopes[BD_N_LAWS])(const bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy,
                             const bd_ale_slopes *out);
   void (*factor)(const bd_ale_ring *ring);
   void (*solve)(const bd_ale_ring *ring, double *x);

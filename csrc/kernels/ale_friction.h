@@ -93,52 +93,6 @@ INLINE void rub(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *d
   arc->slip_loss = sum(lost);
 }
 
-/* Derivatives at one end, at what it is rubbed by. */
-INLINE void slope_end(const law_constants *c, rubbing *end, int states, int stride, int k,
-                      const double *z, const bd_ale_slopes *out, const int side, const int law,
-                      const int has_states) {
-  vec force = splat(0.0), by_normal = force, by_slip = force;
-  for (int e = 0; e < (has_states ? states : 1); ++e) {
-    const int at = e * stride + k;
-    end->at.element = e;
-    end->at.z = has_states ? load(z + at) : splat(0.0);
-    const law_slopes slopes = law_slopes_of(c, &end->at, law);
-    force = force + law_value_of(c, &end->at, law).force;
-    by_normal = by_normal + slopes.by_normal;
-    by_slip = by_slip + slopes.by_slip;
-    if (has_states) {
-      const vec none = splat(0.0), seen = where(end->moves, slopes.rate_by_slip);
-      store(out->by_state[side] + at, slopes.by_state);
-      store(out->rate_by_normal[side] + at, slopes.rate_by_normal + none);
-      store(out->rate_by_state[side] + at, slopes.rate_by_state);
-      store(out->rate_by_slip[side] + at, seen);
-    }
-  }
-  store(out->force[side] + k, force);
-  store(out->by_normal[side] + k, by_normal);
-  store(out->by_slip[side] + k, by_slip);
-}
-
-INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_slopes *out,
-                      const int law, const int has_states) {
-  const bd_ale_arc *arc = &ale->arcs[j];
-  const law_constants c = law_prepare(&arc->friction, 1.0, law);
-  const vec half = splat(0.5), r0 = splat(arc->radius + arc->raised);
-  const vec speed = splat(arc->sense * arc->axis.omega);
-  const vec half_angle = splat(0.5 * arc->cell_angle);
-  for (int k = arc->begin; k < arc->begin + arc->n; k += WIDTH) {
-    const vec is_cell = load(ale->is_cell + k), half_m = half * load(y->m + k);
-    const vec rim = speed * (r0 - load(ale->sink + k));
-    const vec pressed = half_angle * larger(load(ale->pressing + k), splat(0.0));
-    rubbing a =
-        rub_at(arc, load(ale->slid + k), rim, load(ale->share_a + k), half_m, pressed, is_cell);
-    rubbing b = rub_at(arc, load_unaligned(ale->slid + k + 1), rim, load(ale->share_b + k), half_m,
-                       pressed, is_cell);
-    slope_end(&c, &a, arc->states, y->stride, k, y->z[0], out, 0, law, has_states);
-    slope_end(&c, &b, arc->states, y->stride, k, y->z[1], out, 1, law, has_states);
-  }
-}
-
 /* Without friction. */
 static void rub_NONE(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy) {
   bd_ale_arc *arc = &ale->arcs[j];
@@ -151,10 +105,6 @@ static void rub_NONE(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_sta
 #define RUB(name, class, general, states, text)                                                    \
   static void rub_##name(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy) {      \
     rub(ale, j, y, dy, BD_LAW_##name, (states) != 0);                                              \
-  }                                                                                                \
-  static void slopes_##name(const bd_ale *ale, int j, const bd_ale_state *y,                       \
-                            const bd_ale_slopes *out) {                                            \
-    slopes_of(ale, j, y, out, BD_LAW_##name, (states) != 0);                                       \
   }
 BD_LAWS(RUB)
 #undef RUB

@@ -13,6 +13,8 @@
 
 #include "kernels/ale_momentum.h"
 
+#include "kernels/ale_slopes.h"
+
 #include "kernels/ale_blocks.h"
 
 #define ALE_RUB(name, class, general, states, text) [BD_LAW_##name] = rub_##name,
@@ -23,7 +25,7 @@ const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL) = {
     .freeze = freeze,
     .rub = {rub_NONE, BD_LAWS(ALE_RUB)},
     .move = move,
-    .slopes = {NULL, BD_LAWS(ALE_SLOPES)},
+    .slopes = {slopes_NONE, BD_LAWS(ALE_SLOPES)},
     .factor = factor,
     .solve = solve,
 };

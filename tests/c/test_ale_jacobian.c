@@ -47,7 +47,7 @@ static void spread_out(const scene *s, double *dense) {
     for (int c = 0; c < 3; ++c) {
       for (int i = 0; i < row->n; ++i) {
         for (int l = 0; l < columns[c]->n; ++l) {
-          dense[(row->at + i) * n + columns[c]->at + l] = parts[c][l * row->n + i];
+          dense[(row->at + i) * n + columns[c]->at + l] = parts[c][l * row->lead + i];
         }
       }
     }

@@ -1,0 +1,127 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * A belt that flows: derivatives of an arc's cells, of what they do to both their nodes, to the
+ * pulley and to their states of friction, with W and the flow through them held.
+ */
+
+/* More of what presses, of slip, by a cell's metres, by the speeds of its nodes, by the rim. */
+typedef struct rubbed {
+  vec normal[BD_ALE_BYS], slip[BD_ALE_BYS];
+} rubbed;
+
+/* Friction at one end: the force of all elements, over the metres held; what states have of it. */
+INLINE void slope_end(const law_constants *c, rubbing *rubs, const rubbed *by, vec *force, int n,
+                      int stride, int k, const double *z, const bd_ale_slopes *out, const int end,
+                      const int law, const int has_states) {
+  vec by_normal = splat(0.0), by_slip = by_normal;
+  for (int e = 0; e < (has_states ? n : 1); ++e) {
+    const int at = e * stride + k;
+    rubs->at.element = e;
+    rubs->at.z = has_states ? load(z + at) : splat(0.0);
+    const law_slopes slopes = law_slopes_of(c, &rubs->at, law);
+    by_normal = by_normal + slopes.by_normal;
+    by_slip = by_slip + slopes.by_slip;
+    if (has_states) {
+      const vec seen = where(rubs->moves, slopes.rate_by_slip);
+      for (int u = 0; u < BD_ALE_BYS; ++u) {
+        store(out->rate[end][u] + at,
+              fma_(slopes.rate_by_normal, by->normal[u], seen * by->slip[u]));
+      }
+      store(out->rate_z[end] + at, slopes.rate_by_state);
+      store(out->total_z[end] + at, -rubs->half_m * slopes.by_state);
+    }
+  }
+  for (int u = 0; u < BD_ALE_BYS; ++u) {
+    force[u] = rubs->half_m * fma_(by_normal, by->normal[u], by_slip * by->slip[u]);
+  }
+}
+
+/* Weight and turning of a node less its rate: what half a cell's mass there is worth. */
+INLINE vec by_mass(const bd_ale *ale, const bd_ale_state *dy, int k) {
+  const vec gx = splat(ale->gravity[0]), gy = splat(ale->gravity[1]);
+  const vec tx = load_unaligned(ale->tx + k), ty = load_unaligned(ale->ty + k);
+  const vec turns = splat(ale->direction) * load_unaligned(ale->turn + k);
+  return fma_(gx, tx, gy * ty) - turns * load_unaligned(ale->across + k) -
+         load_unaligned(dy->v + k);
+}
+
+INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy,
+                      const bd_ale_slopes *out, const int law, const int has_states) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const law_constants c = law_prepare(&arc->friction, 1.0, law);
+  const vec none = splat(0.0), half = splat(0.5), one = splat(1.0), two = splat(2.0);
+  const vec r0 = splat(arc->radius + arc->raised), EA = splat(ale->axial);
+  const vec density = splat(ale->density), damping = splat(ale->axial_damping);
+  const vec sense = splat(arc->sense), speed = splat(arc->sense * arc->axis.omega);
+  for (int k = arc->begin; k < arc->begin + arc->n; k += WIDTH) {
+    const vec is_cell = load(ale->is_cell + k), m = load(y->m + k), per_m = one / m;
+    const vec angle = splat(arc->cell_angle), q = angle * per_m;
+    const vec d = load(ale->sink + k), rho = r0 - d, per_rho = one / rho;
+    const vec per = one / load(ale->stretch + k), H = load(ale->pressing + k);
+    const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
+    const vec w = half * (here + there), apart = there - here, thrown = density * w * per;
+    /* the depth by metres, v^2 held; the stretch; the force; H */
+    const vec stiff =
+        fma_(EA * q, q, splat(ale->linear)) +
+        fma_(two * splat(ale->quadratic), larger(d, none), density * w * w * per_rho * per_rho);
+    const vec stretched = rho * q, sink = EA * (one - two * stretched) / stiff * q * per_m;
+    const vec stretch = -q * fma_(rho, per_m, sink), damped = damping * per_m;
+    const vec pull = fnma_(damped * per_m, apart, EA * stretch);
+    /* F (u' - u) */
+    const vec quarter = splat(0.25) * density * per, lags = quarter * apart;
+    const vec through = quarter * (load(ale->past + k) + load_unaligned(ale->past + k + 1));
+    const vec presses = is_cell * where(less(none, H), angle * per_m);
+    const rubbed all = {
+        .normal = {[BD_ALE_M] = fma_(thrown * w * per, stretch, pull) - H * per_m,
+                   [BD_ALE_V] = -damped - thrown,
+                   [BD_ALE_V_AFTER] = damped - thrown,
+                   [BD_ALE_RIM] = none},
+        .slip = {speed * sink, none, none, -sense * rho},
+    };
+    const vec bent = two * load(ale->bent + k) * per_m, pressed = half * angle * larger(H, none);
+    vec torque[BD_ALE_BYS] = {none, none, none, none};
+    for (int end = 0; end < 2; ++end) {
+      const vec sign = splat(end == 0 ? 1.0 : -1.0),
+                at_node = load_unaligned(ale->per_stretch + k + end);
+      const vec bends =
+          (load_unaligned(ale->bent + k + end) - load_unaligned(ale->bent + k + end - 1)) * at_node;
+      vec force[BD_ALE_BYS] = {none, none, none, none};
+      if (law != BD_LAW_NONE) {
+        const vec share = load((end == 0 ? ale->share_a : ale->share_b) + k);
+        rubbing rubs =
+            rub_at(arc, end == 0 ? here : there, speed * rho, share, half * m, pressed, is_cell);
+        rubbed by = all;
+        by.slip[BD_ALE_V + end] = one;
+        for (int u = 0; u < BD_ALE_BYS; ++u) {
+          by.normal[u] = presses * share * all.normal[u];
+        }
+        slope_end(&c, &rubs, &by, force, arc->states, y->stride, k, y->z[end], out, end, law,
+                  has_states);
+        const vec now = load((end == 0 ? ale->force_a : ale->force_b) + k);
+        force[BD_ALE_M] = fma_(now, per_m, force[BD_ALE_M]);
+        torque[BD_ALE_M] = fnma_(sink, now, torque[BD_ALE_M]);
+      }
+      const vec total[BD_ALE_BYS] = {
+          fma_(sign, fnma_(bent, at_node, pull), through * apart * per * stretch) -
+              half * bends * at_node * stretch + half * density * by_mass(ale, dy, k + end),
+          through - lags - sign * damped, sign * damped - lags - through, none};
+      for (int u = 0; u < BD_ALE_BYS; ++u) {
+        store(out->total[end][u] + k, total[u] - force[u]);
+        torque[u] = fma_(rho, force[u], torque[u]);
+      }
+    }
+    for (int u = 0; u < BD_ALE_BYS; ++u) {
+      store(out->torque[u] + k, sense * torque[u]);
+    }
+    store(out->stretch + k, stretch);
+  }
+}
+
+#define SLOPES(name, class, general, states, text)                                                 \
+  static void slopes_##name(const bd_ale *ale, int j, const bd_ale_state *y,                       \
+                            const bd_ale_state *dy, const bd_ale_slopes *out) {                    \
+    slopes_of(ale, j, y, dy, out, BD_LAW_##name, (states) != 0);                                   \
+  }
+SLOPES(NONE, none, none, 0, none)
+BD_LAWS(SLOPES)
+#undef SLOPES
