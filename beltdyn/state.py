@@ -32,7 +32,7 @@ _FIRST = {size: name for name, size in reversed(SIZES.items())} | {
     "STATES": "n_bodies",
 }
 #: Those that only some drives have.
-PARTS = tuple(size for size in _FIRST if size not in ("LINKS", "PULLEYS", *ROWS))
+PARTS = tuple(size for size in _FIRST if size not in ("PULLEYS", *ROWS))
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
@@ -114,7 +114,11 @@ def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[
     return speeds, next(iter(rims.values()))
 
 
+_NONE = attrs.Factory(lambda: np.empty(0))
 _LINK_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.x), takes_self=True)
+_CELL_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.m), takes_self=True)
+_ROW_ZEROS = attrs.Factory(lambda self: np.zeros(self.n_bodies), takes_self=True)
+_MODE_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.a), takes_self=True)
 _MOUNT_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.travel), takes_self=True)
 _COUPLING_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.rim_angle), takes_self=True)
 _PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self=True)
@@ -155,6 +159,10 @@ class State:
         vx: Velocities of the mass centres (n_b,) [m/s].
         vy: The same.
         vphi: Angular velocities of the links (n_b,) [rad/s].
+        m: Of an ALE belt (``Belt(mesh="ale")``) the stress-free length of belt in each cell (n_b,)
+            [m]; along the belt: the span behind pulley 0, the arc of pulley 1, and so on. Links
+            have none, nor the ALE belt x to vphi, which are empty then.
+        v: Speed of the belt where each cell begins (n_b,) [m/s], along its numbering.
         mu: States of the friction law (n_b,), 0 off the pulleys: the friction coefficient [1] of
             Dahl's law (2.9), its part that the bristles carry of LuGre, the spring's stretch [m]
             of an elastic/plastic one; 0 of laws without a state. Of a law with several, such as
@@ -173,6 +181,8 @@ class State:
         rim_speed: Their angular velocities (n_c,) [rad/s].
         windup: Windup of the couplings (n_c,) [rad]: of rim against hub, of a clutch in the sense
             in which it drives and never negative.
+        a: Of an ALE belt the sine modes of its spans (n_p n,) [m], n after n of a span; empty else.
+        p: Their velocities [m/s], those of the axes included.
         t: Time [s].
         residual: After settling, the largest unbalanced force over the mean tension; else None.
 
@@ -181,29 +191,33 @@ class State:
         ValueError: Shapes that do not fit together, NaN, infinity.
     """
 
-    x: Array
-    y: Array
-    phi: Array
+    x: Array = _NONE
+    y: Array = _LINK_ZEROS
+    phi: Array = _LINK_ZEROS
     vx: Array = _LINK_ZEROS
     vy: Array = _LINK_ZEROS
     vphi: Array = _LINK_ZEROS
-    mu: Array = _LINK_ZEROS
+    m: Array = _NONE
+    v: Array = _CELL_ZEROS
+    mu: Array = _ROW_ZEROS
     slip: Array = _LINK_ZEROS
     theta: Array
     omega: Array = _PULLEY_ZEROS
-    travel: Array = attrs.Factory(lambda: np.empty(0))
+    travel: Array = _NONE
     travel_speed: Array = _MOUNT_ZEROS
     mount_friction: Array = _MOUNT_ZEROS
-    rim_angle: Array = attrs.Factory(lambda: np.empty(0))
+    rim_angle: Array = _NONE
     rim_speed: Array = _COUPLING_ZEROS
     windup: Array = _COUPLING_ZEROS
+    a: Array = _NONE
+    p: Array = _MODE_ZEROS
     t: float = 0.0
     residual: float | None = None
 
     @property
     def n_bodies(self) -> int:
-        """Number of links, n_b."""
-        return self.x.size
+        """Number of links, n_b; of an ALE belt of cells."""
+        return max(self.x.size, self.m.size)
 
     @property
     def n_pulleys(self) -> int:

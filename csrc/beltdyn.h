@@ -76,8 +76,10 @@ int bd_warning_accuracy(int code);
 /* --- scene ----------------------------------------------------------------------------------- */
 
 /* Discretisations in space (MODEL section 3): the paper's as a whole, with contact of the links'
- * centres; contact of the joints, with the links' mass at their ends. */
-enum { BD_MESH_PAPER, BD_MESH_JOINT };
+ * centres; contact of the joints, with the links' mass at their ends; a mesh that stands where the
+ * pulleys are, through which the belt flows (arbitrary Lagrangian-Eulerian), of some n_bodies cells.
+ */
+enum { BD_MESH_PAPER, BD_MESH_JOINT, BD_MESH_ALE };
 
 /* What the belt is made of (MODEL section 2): rigid links; a string of point masses, which resists
  * no bending; a string where there is no bending and the mesh is BD_MESH_JOINT, else links. */

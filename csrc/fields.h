@@ -104,7 +104,7 @@
 
 /* Belt models: X(symbol). Each is a row of its own file in csrc/belts/; where the scene leaves it
  * open, the last that its mesh and its bending allow. */
-#define BD_BELTS(X) X(joint) X(string) X(paper)
+#define BD_BELTS(X) X(joint) X(string) X(paper) X(ale)
 
 /* What is told of them, texts and facts, by those who ask: X(type, name, text). */
 #define BD_BELT_TEXTS(X)                                                                           \
@@ -126,7 +126,8 @@
   X(double, explicit_share, "of the stability limit, that adaptive explicit steps may take")       \
   X(double, error_by_local, "estimated error over local errors")                                   \
   X(double, error_by_balance, "estimated error over what the balance of energy misses")            \
-  X(double, implicit_cost, "CPU time of an implicit step over an explicit one, measured")
+  X(double, implicit_cost, "CPU time of an implicit step over an explicit one, measured")          \
+  X(double, by_rtol, "local errors of a step over the error asked; 0: as its method says")
 
 /* Sizes of fields of a state and of sampled outputs: X(size, count), the count from `of`, a
  * bd_info; 0 of those that its belt lacks (bd_belt_facts). PLANE: of vectors (x, y); ENERGY:
@@ -135,6 +136,8 @@
   X(ONE, 1)                                                                                        \
   X(LINKS, of->n_bodies)                                                                           \
   X(JOINTS, of->n_bodies)                                                                          \
+  X(CELLS, of->n_bodies)                                                                           \
+  X(MODES, of->n_modes)                                                                            \
   X(CONTACT, of->n_bodies)                                                                         \
   X(SLOTS, (size_t)of->n_slots *(size_t)of->n_bodies)                                              \
   X(STATES, (size_t)(of->n_slots * of->n_states) * (size_t)of->n_bodies)                           \
@@ -159,6 +162,8 @@
   X(VX, vx, LINKS, SPEED, "m/s", "velocity of the mass centre")                                    \
   X(VY, vy, LINKS, SPEED, "m/s", "velocity of the mass centre")                                    \
   X(VPHI, vphi, LINKS, SPIN, "rad/s", "angular velocity of the link")                              \
+  X(M, m, CELLS, NONE, "m", "stress-free length of belt in the cell")                              \
+  X(V, v, CELLS, NONE, "m/s", "speed of the belt where the cell begins")                           \
   X(MU, mu, STATES, FRICTION, "its law's", "state of the friction law, z")                         \
   X(SLIP, slip, SLOTS, NONE, "m", "slip displacement since contact began")                         \
   X(THETA, theta, PULLEYS, TURN, "rad", "rotation angle of the pulley")                            \
@@ -168,7 +173,9 @@
   X(MOUNT_FRICTION, mount_friction, MOUNTS, GRIP, "1", "share of a mount's friction that acts")    \
   X(RIM_ANGLE, rim_angle, COUPLINGS, TURN, "rad", "of a coupled rim, or a damper's ring")          \
   X(RIM_SPEED, rim_speed, COUPLINGS, SPIN, "rad/s", "of a coupled rim, or a damper's ring")        \
-  X(WINDUP, windup, COUPLINGS, WINDUP, "rad", "of a coupling, z")
+  X(WINDUP, windup, COUPLINGS, WINDUP, "rad", "of a coupling, z")                                  \
+  X(A, a, MODES, NONE, "m", "of the spans' sine modes")                                            \
+  X(P, p, MODES, NONE, "m/s", "of their velocities, those of the axes included")
 
 /* What a model knows of itself: X(type, name, text). */
 #define BD_INFO(X)                                                                                 \
@@ -178,6 +185,7 @@
   X(int, n_couplings, "pulleys with a coupling")                                                   \
   X(int, n_slots, "friction slots per link: 1 unless spans are short; 0 without friction")         \
   X(int, n_states, "states of friction in a slot: the most that a law in use has")                 \
+  X(int, n_modes, "sine modes of all spans; 0 of links")                                           \
   X(int, winding, "turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise")    \
   X(double, length, "stress-free length of the belt, L [m]")                                       \
   X(double, link_length, "stress-free length of a link, l0 [m]")                                   \

@@ -4,10 +4,10 @@
  *
  * Layout. One flat, 64-byte aligned vector: LINK_FIELDS blocks of `stride` doubles, then a tail
  *
- *   | x | y | phi | vx | vy | vphi | mu (slots, states) | slip (slots) || theta | omega | parts
- *   | work |
+ *   | x | y | phi | vx | vy | vphi | m | v | mu (slots, states) | slip (slots) || theta | omega |
+ *   parts | work |
  *
- * Of the first six a belt has those of its model, one after the other.
+ * Of those before mu, and of slip, a belt has those of its model, one after the other.
  * In a block link i stands at BD_HALO + i; what stands before link 0 and after link n-1 is padding,
  * kept at rest.
  * Positions are relative to the model's origin and phi to `turns` whole turns, so neither a far
@@ -58,6 +58,7 @@ typedef struct bd_layout {
     };
   };
   int work;
+  int modes, n_modes;           /* of a span; of all */
   int nm, nc;                   /* mounts, couplings, */
   const int *mounted, *coupled; /* and their pulleys */
   const int *rim;               /* by pulley the entry of the speed of what the belt runs on */

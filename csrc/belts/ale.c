@@ -14,9 +14,26 @@ int bd_ale_cells(double arc, double longest) {
   return half > 3 ? 2 * half : 6;
 }
 
+void bd_ale_carve_drive(bd_carver *carver, bd_ale_drive **drive, int np) {
+  bd_ale_pulley *pulleys;
+  BD_CARVE(carver, *drive, 1);
+  BD_CARVE(carver, pulleys, np);
+  if (carver->base) {
+    **drive = (bd_ale_drive){.np = np, .pulleys = pulleys};
+  }
+}
+
 /* A slab has a node and a cell to copy behind its own. */
 static int slots_of(int cells) {
   return (cells + 3 + BD_LANES - 1) / BD_LANES * BD_LANES;
+}
+
+int bd_ale_first_slot(const bd_ale_drive *drive, int j) {
+  int slots = 0;
+  for (int k = 0; k < j; ++k) {
+    slots += slots_of(drive->pulleys[k].cells);
+  }
+  return slots;
 }
 
 static void carve_slots(bd_carver *carver, double **block, int slots) {
@@ -28,9 +45,9 @@ void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive) {
   bd_ale_table *tables;
   ale->np = drive->np;
   ale->modes = drive->modes;
-  ale->slots = ale->cells = 0;
+  ale->slots = bd_ale_first_slot(drive, drive->np);
+  ale->cells = 0;
   for (int j = 0; j < drive->np; ++j) {
-    ale->slots += slots_of(drive->pulleys[j].cells);
     ale->cells += drive->pulleys[j].cells + 1;
   }
   BD_CARVE(carver, ale->arcs, drive->np);
@@ -44,9 +61,9 @@ void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive) {
 #undef X
 }
 
-size_t bd_ale_state_size(const bd_ale *ale, int states) {
-  const size_t block = (size_t)(BD_HALO + ale->slots + BD_LANES);
-  return block * (size_t)(2 + 2 * states) + (size_t)(2 * ale->np * ale->modes);
+size_t bd_ale_state_size(const bd_ale_drive *drive, int states) {
+  const int block = BD_HALO + bd_ale_first_slot(drive, drive->np) + BD_LANES;
+  return (size_t)(block * (2 + 2 * states) + 2 * drive->np * drive->modes);
 }
 
 bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block) {

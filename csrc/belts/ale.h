@@ -15,22 +15,26 @@ typedef struct bd_ale_pulley {
 } bd_ale_pulley;
 
 /* A drive by its data per metre of belt; its tension at rest is known. */
-typedef struct bd_ale_drive {
+struct bd_ale_drive {
   int np, modes, direction;
   double linear_density, axial_stiffness, axial_damping, bending_stiffness, bending_damping;
   double quadratic, linear; /* c1', c2' */
   double gravity[2], rest;
   int moving;
-  const bd_ale_pulley *pulleys;
-} bd_ale_drive;
+  bd_ale_pulley *pulleys;
+};
 
-/* Least number of cells of an arc: parts of `longest` at the most, an even number, 6 at least. */
+/* Cells of an arc, none longer than this: an even number, 6 at least. */
 int bd_ale_cells(double arc, double longest);
+/* Memory of a drive of a model, with its pulleys. */
+void bd_ale_carve_drive(bd_carver *carver, bd_ale_drive **drive, int np);
+/* Where the slab of arc j begins; of the number of arcs, how many slots there are. */
+int bd_ale_first_slot(const bd_ale_drive *drive, int j);
 void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive);
 /* Fills what has been carved. */
 void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive);
 /* Arrays of a state, or of its rates, after one another: of so many numbers. */
-size_t bd_ale_state_size(const bd_ale *ale, int states);
+size_t bd_ale_state_size(const bd_ale_drive *drive, int states);
 bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block);
 
 /* A belt that runs along itself at this flow [stress-free m/s] under one force H in all spans,
@@ -76,8 +80,9 @@ typedef struct bd_ale_newton {
   bd_ale_answer (*answers)[BD_ALE_ANSWERS]; /* by span */
 } bd_ale_newton;
 
-void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale *ale, int states);
-void bd_ale_newton_make(bd_ale_newton *newton, const bd_ale *ale);
+/* states: the most that a law has. */
+void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale_drive *drive,
+                         int states);
 /* At the state whose rate was the last to be evaluated. */
 void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_kernels *kernels,
                       const bd_ale_state *y, const bd_ale_state *dy);
@@ -94,6 +99,27 @@ void bd_ale_gather(const bd_ale_newton *newton, const bd_ale *ale, const bd_ale_
                    double *x);
 void bd_ale_scatter(const bd_ale_newton *newton, const bd_ale *ale, const double *x,
                     const bd_ale_state *y);
+
+/* --- ale_row.c -------------------------------------------------------------------------------- */
+
+/* The belt of a plan: of what the last rate was evaluated. */
+typedef struct bd_ale_belt {
+  bd_ale ale;
+  const bd_ale_kernels *kernels;
+  bd_ale_state y, dy, spare;
+  int *slot;                 /* of cells, as the state vector has them */
+  double *carried, *inertia; /* (mounts, mounts) */
+} bd_ale_belt;
+
+/* Between state vectors and slabs. */
+void bd_ale_read(const bd_plan *plan, const double *y, const bd_ale_state *slabs);
+void bd_ale_write(const bd_plan *plan, const bd_ale_state *slabs, double *y);
+/* The rate at y, axes where the plan has them. */
+void bd_ale_evaluate(const bd_plan *plan, const double *y);
+/* Inertia of the belt on mounts (mounts, mounts), at the last rate. */
+void bd_ale_carried(const bd_plan *plan, double *matrix);
+/* Accelerations of mounts from what moves them, by their own inertia and this of the belt. */
+void bd_ale_carry(const bd_plan *plan, const double *inertia, double *q);
 
 bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y);
 bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y);

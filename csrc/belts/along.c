@@ -29,7 +29,8 @@ void bd_along_clear(const bd_plan *plan) {
   }
 }
 
-void bd_along_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay) {
+void bd_along_carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
+  const bd_layout *lay = &model->lay;
   double **const by_link[] = {&plan->points.x, &plan->points.y, &plan->points.vx, &plan->points.vy,
                               &plan->nearest,  &plan->seen.cos, &plan->seen.sin};
   bd_carve_pressure(carver, lay, &plan->pressure, &plan->forces);

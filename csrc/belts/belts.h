@@ -14,6 +14,7 @@ BD_BELTS(X)
 /* Fields of nodes that are point masses; of links, which turn as well. */
 #define BD_OF_MASSES (1u << F_X | 1u << F_Y | 1u << F_VX | 1u << F_VY | 1u << F_MU | 1u << F_SLIP)
 #define BD_OF_LINKS (BD_OF_MASSES | 1u << F_PHI | 1u << F_VPHI)
+#define BD_OF_CELLS (1u << BD_SIZE_CELLS) /* what these lack */
 
 /* The line's point and direction `nodes` of n from its beginning. */
 void bd_line_point(const bd_model *model, const bd_route *line, const double *radius, double nodes,
@@ -47,6 +48,7 @@ bd_contact_rounding bd_nodes_rounding(const bd_plan *plan, const double *y, int 
 double bd_nodes_off_line(bd_plan *plan, const double *y, const double *y_new, double h);
 
 extern const bd_newton_belt bd_newton_nodes; /* solvers/newton_system.c */
+extern const bd_newton_belt bd_newton_ale;   /* solvers/newton_ale.c */
 
 /* What all rows with nodes that are masses share. */
 #define BD_NODES                                                                                   \
@@ -66,8 +68,8 @@ void bd_links_set_going(const bd_plan *plan, double *y, double speed);
 
 /* What rows of rigid links share. */
 #define BD_FACTS_OF_LINKS                                                                          \
-  .model = BD_BELT_LINKS, .nodes = "links", .fields = BD_OF_LINKS, .bends = 1,                     \
-  .explicit_share = 0.93
+  .model = BD_BELT_LINKS, .nodes = "links", .fields = BD_OF_LINKS, .lacks = BD_OF_CELLS,           \
+  .bends = 1, .explicit_share = 0.93
 #define BD_LINKS                                                                                   \
   BD_NODES,                                                                                        \
       .joints_text = {"joints: axial spring-dampers", "joints: axial and bending spring-dampers"}, \
@@ -79,7 +81,7 @@ void bd_links_set_going(const bd_plan *plan, double *y, double speed);
 /* Scratch, for rates and for their derivatives. */
 void bd_carve_pressure(bd_carver *carver, const bd_layout *lay, bd_pressure *pressure,
                        bd_end_forces *forces);
-void bd_along_carve(bd_carver *carver, bd_plan *plan, const bd_layout *lay);
+void bd_along_carve(bd_carver *carver, bd_plan *plan, const bd_model *model);
 void bd_along_distances(const bd_plan *plan, const double *y, int j, int begin, int end,
                         double *out);
 void bd_along_clear(const bd_plan *plan); /* the forces */

@@ -119,7 +119,7 @@ const bd_belt_model bd_belt_string = {
     .facts = {BD_FACTS_ALONG, .name = "string",
               .text = "point masses, whose bars meet the pulleys along their length",
               .model = BD_BELT_STRING, .nodes = "point masses", .fields = BD_OF_MASSES,
-              .stretches = 1, .explicit_share = 0.86},
+              .lacks = BD_OF_CELLS, .stretches = 1, .explicit_share = 0.86},
     BD_NODES,
     .joints_text = {"string: axial spring-dampers between point masses"},
     BD_ALONG,

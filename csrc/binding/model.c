@@ -92,7 +92,8 @@ PyObject *bd_core_state_timed(PyObject *fields, const bd_state *state) {
 
 /* --- Model ----------------------------------------------------------------------------------- */
 
-const char *const bd_core_meshes[] = {[BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] = "joint", NULL};
+const char *const bd_core_meshes[] = {
+    [BD_MESH_PAPER] = "paper", [BD_MESH_JOINT] = "joint", [BD_MESH_ALE] = "ale", NULL};
 const char *const bd_core_belt_models[] = {
     [BD_BELT_AUTO] = "auto", [BD_BELT_LINKS] = "links", [BD_BELT_STRING] = "string", NULL};
 
@@ -148,7 +149,8 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
       keep ? bd_core_read_pulleys(centers, radii, inertias, &parts, keep, &scene.n_pulleys) : NULL;
   scene.pulleys = pulleys;
   if (pulleys &&
-      read_choice("mesh", mesh, bd_core_meshes, "\"joint\" or \"paper\"", &scene.belt.mesh) == 0 &&
+      read_choice("mesh", mesh, bd_core_meshes, "\"joint\", \"paper\" or \"ale\"",
+                  &scene.belt.mesh) == 0 &&
       read_choice("model", belt_model, bd_core_belt_models, "\"auto\", \"links\" or \"string\"",
                   &scene.belt.model) == 0) {
     bd_error err = {0};

@@ -69,6 +69,7 @@ struct bd_newton_kernels;
 typedef struct bd_kernels {
   const char *level;
   const struct bd_newton_kernels *newton;
+  const bd_ale_kernels *ale; /* kernels/ale.h */
   /* Sets the link blocks of dy: velocities, joint accelerations, zero friction rates; returns the
    * power lost in the joints' dampers. Variants [bending][ledger]. */
   double (*joints[2][2])(const bd_links *links, const double *y, double *dy);

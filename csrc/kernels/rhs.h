@@ -409,7 +409,9 @@ EVENT(1, 0)
 EVENT(1, 1)
 
 static double fastest(const bd_layout *lay, const double *y) {
-  const double *vx = bd_cfield(lay, y, F_VX), *vy = bd_cfield(lay, y, F_VY);
+  const int cells = bd_has_field(lay, F_V); /* or nodes */
+  const double *vx = bd_cfield(lay, y, cells ? F_V : F_VX);
+  const double *vy = cells ? vx : bd_cfield(lay, y, F_VY);
   vec most = {0.0};
   for (int i = 0; i < lay->n8; i += WIDTH) {
     const vec u = load(vx + i), v = load(vy + i);
@@ -519,6 +521,8 @@ static double error_norm(const bd_layout *lay, double h, int m, const double *e,
 extern const bd_newton_kernels PASTE(bd_newton_, BD_LEVEL), PASTE(bd_newton_centres_, BD_LEVEL),
     PASTE(bd_newton_string_, BD_LEVEL);
 
+extern const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL);
+
 #define STRING2(a) #a
 #define STRING(a) STRING2(a)
 #define SHARED                                                                                     \
@@ -550,4 +554,5 @@ const bd_kernels PASTE(bd_kernels_, BD_LEVEL)[BD_N_BELT_MODELS] = {
     [BD_BELT_MODEL_paper] = {SHARED, RIGID_LINKS, .newton = &PASTE(bd_newton_centres_, BD_LEVEL),
                              .contact = {{contact_NONE_0, contact_NONE_1}, BD_LAWS(CENTRES)},
                              .find_contact_event = {find_contact_event_00, find_contact_event_01}},
+    [BD_BELT_MODEL_ale] = {SHARED, .ale = &PASTE(bd_ale_, BD_LEVEL)},
 };

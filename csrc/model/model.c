@@ -13,6 +13,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "belts/ale.h"
 #include "model/model.h"
 
 /* Parameters that are pairs of numbers, and so no rows of the table. */
@@ -96,7 +97,8 @@ static double contact_radius(const bd_model *model, int j) {
   const double stretched = laid && is->stretches ? 1.0 + model->info.strain : 1.0;
   const double radius = model->radius[j];
   const double a = 0.5 * stretched * model->info.link_length / radius;
-  return (!is->tangents && a < 0.5 * BD_PI ? radius * a / sin(a) : radius) +
+  const int chords = !is->tangents && !model->drive; /* or arcs */
+  return (chords && a < 0.5 * BD_PI ? radius * a / sin(a) : radius) +
          (sinks ? contact_depth(model, j, model->info.strain_tension) : 0.0);
 }
 
@@ -211,15 +213,18 @@ static void carve(bd_carver *carver, bd_model *model, const bd_scene *scene, int
   BD_CARVE(carver, model->winding, np);
   BD_CARVE(carver, model->name, np);
   BD_CARVE(carver, model->wraps, np);
+  if (scene->belt.mesh == BD_MESH_ALE) {
+    bd_ale_carve_drive(carver, &model->drive, np);
+  }
   bd_model_carve_mounts(carver, model, scene);
   bd_model_carve_couplings(carver, model, scene);
 }
 
-static void derive(bd_model *model) {
+/* Of n links or cells of this length. */
+static void derive(bd_model *model, int n, double l0) {
   const bd_belt *belt = &model->belt;
   bd_info *info = &model->info;
-  double l0 = belt->length / belt->n_bodies;
-  info->n_bodies = belt->n_bodies;
+  info->n_bodies = n;
   info->lacks = model->belt_model->facts.lacks;
   info->n_pulleys = model->lay.np;
   info->length = belt->length;
@@ -501,7 +506,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
   }
   model->belt_model = bd_belt_model_of(&scene->belt);
   model->lay.np = np;
-  derive(model);
+  derive(model, scene->belt.n_bodies, scene->belt.length / scene->belt.n_bodies);
   if (check_derived(model, err) != BD_OK) {
     bd_model_free(model);
     return BD_ERR_PARAMETER;
@@ -515,6 +520,11 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     model->contact_radius[j] = contact_radius(model, j);
   }
   model->colours = colour_pulleys(model);
+  if (model->belt_model->shape) {
+    const double shortest = model->belt_model->shape(model);
+    derive(model, model->lay.n, shortest);
+    model->info.n_modes = model->lay.n_modes;
+  }
   check_room(model);
   lay_out(model, np, model->has_friction ? model->colours : 0, bd_friction_most_states(model),
           drag);

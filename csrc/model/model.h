@@ -28,6 +28,7 @@ typedef struct bd_route {
 } bd_route;
 
 typedef struct bd_belt_model bd_belt_model;
+typedef struct bd_ale_drive bd_ale_drive; /* belts/ale.h */
 
 /* A mount with all its numbers, places relative to the origin (MODEL section 5). A hung weight is
  * in inertia and preload; of one that is prescribed only t, points and slopes are not 0. */
@@ -105,7 +106,8 @@ struct bd_model {
   double *contact_radius;   /* on which the links' ends (centres) of an unloaded belt run */
   bd_drag *drag;            /* by pulley; NULL: none has any */
   bd_friction *friction;    /* by pulley */
-  int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link */
+  int *slot; /* colour of each pulley, its friction slot: of one colour, none can share a link;
+              * BD_EVERY_SLOT: a cell of its has all of them */
   int colours;
   int *side;    /* +1: inside the loop, -1: outside */
   int *winding; /* turns of the belt round the axis of each */
@@ -121,8 +123,15 @@ struct bd_model {
   int *mount_of;         /* by pulley its mount, -1: none; NULL: there are no mounts */
   bd_coupled *couplings; /* lay.nc; NULL: none */
   int *coupled, *rim;    /* of the layout */
+  bd_ale_drive *drive;   /* of an ALE belt; NULL: it is none */
   const bd_kernels *kernels;
 };
+
+enum { BD_EVERY_SLOT = -1 };
+
+static inline int bd_in_slot(const bd_model *model, int j, int slot) {
+  return model->slot[j] == slot || model->slot[j] == BD_EVERY_SLOT;
+}
 
 /* --- belts/ ----------------------------------------------------------------------------------- */
 
@@ -157,7 +166,12 @@ struct bd_belt_model {
   const bd_newton_belt *newton; /* its part of linear systems (solvers/solvers.h) */
   const char *joints_text[2];   /* for result.effects, without bending and with */
   /* --- the model's: the way into a run and out of it */
-  /* Least distance from a point of what touches at node i. */
+  /* Once the belt line is laid, or could not be: how many cells there are (lay.n; NULL: n_bodies
+   * nodes), and what else follows. Returns the length of the shortest. */
+  double (*shape)(bd_model *model);
+  /* 1 / scale of the errors of its unknowns that the table of fields does not say. */
+  void (*weigh)(const bd_model *model, double *weights);
+  /* Least distance from a point of what touches at node i; NULL: it is not known. */
   double (*distance)(const bd_model *model, const bd_state *state, int i, const double point[2]);
   /* Directions and their rates where they are no fields of the state, continuous along the belt;
    * either may be NULL. Itself NULL: they are fields. */
@@ -170,7 +184,7 @@ struct bd_belt_model {
   /* At rest, or running along itself at a speed in its spans; NULL: settling relaxes it. */
   int (*rest)(const bd_plan *plan, double speed, double *y, bd_error *err);
   /* --- physics: the effects "joints" and "contact" */
-  void (*carve)(bd_carver *carver, bd_plan *plan, const bd_layout *lay); /* NULL: no scratch */
+  void (*carve)(bd_carver *carver, bd_plan *plan, const bd_model *model); /* NULL: no scratch */
   /* The rate of the belt without its contact; returns what its dampers lose. */
   double (*joints)(bd_plan *plan, double *y, double *dy);
   void (*fall)(const bd_plan *plan, double *dy); /* adds gravity to the rate */
@@ -179,6 +193,8 @@ struct bd_belt_model {
   void (*contact)(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums);
   void (*contact_begin)(bd_plan *plan, double *y);
   void (*contact_end)(bd_plan *plan, double *dy);
+  /* Mounts have its inertia to move as well: from their rates without it to those with it. */
+  void (*carry)(const bd_plan *plan, double *dy);
   /* Squared distances from pulley j of nodes [begin, end), after bd_plan_see and bd_plan_near. */
   void (*distances)(const bd_plan *plan, const double *y, int j, int begin, int end, double *out);
   /* All joints at a state; directions of its nodes if they are known, else NULL. */
@@ -198,6 +214,8 @@ struct bd_belt_model {
   void (*begin)(bd_plan *plan, double *y);
   int (*after_step)(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                     bd_error *err);
+  /* What that last did to a state, to one before it; NULL: what friction has been reset. */
+  void (*rebase)(const bd_plan *plan, double *y);
   /* Torque of friction on the rim of pulley j, and the force of its contact on the belt, friction
    * included; row k of the outputs of contact. */
   double (*push)(const bd_plan *plan, const double *y, int j, double force[2]);

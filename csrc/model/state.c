@@ -61,6 +61,8 @@ int bd_field_length(const bd_layout *lay, int row) {
     return lay->nm;
   case BD_SIZE_COUPLINGS:
     return lay->nc;
+  case BD_SIZE_MODES:
+    return lay->n_modes;
   default:
     return lay->n;
   }
@@ -86,7 +88,10 @@ void bd_layout_fields(bd_layout *lay) {
 /* Of value i of a row of the tail. */
 static int pulley_at(const bd_layout *lay, int row, int i) {
   const int size = bd_state_fields[row].size;
-  return size == BD_SIZE_MOUNTS ? lay->mounted[i] : size == BD_SIZE_COUPLINGS ? lay->coupled[i] : i;
+  return size == BD_SIZE_MOUNTS      ? lay->mounted[i]
+         : size == BD_SIZE_COUPLINGS ? lay->coupled[i]
+         : size == BD_SIZE_MODES     ? i / lay->modes
+                                     : i;
 }
 
 int bd_field_at(const bd_layout *lay, size_t entry, int *body, int *pulley) {
@@ -166,6 +171,9 @@ static int check_ring(const bd_model *model, const double *phi, bd_error *err) {
 
 /* Whether the part of the belt that touches at node i touches pulley j. */
 static int touches(const bd_model *model, const bd_state *state, int i, int j) {
+  if (!model->belt_model->distance) {
+    return 0;
+  }
   const int m = model->mount_of ? model->mount_of[j] : -1;
   const bd_place at = m >= 0 ? bd_mount_place(&model->mounts[m], state->travel[m])
                              : (bd_place){.c = {model->cx[j], model->cy[j]}};
@@ -180,7 +188,7 @@ static double friction_bound(const bd_model *model, const bd_state *state, int s
                              int i) {
   double largest = 0.0;
   for (int j = 0; j < model->lay.np; ++j) {
-    if (model->slot[j] != slot || model->friction[j].law == BD_LAW_NONE) {
+    if (!bd_in_slot(model, j, slot) || model->friction[j].law == BD_LAW_NONE) {
       continue;
     }
     /* a state that its law does not use becomes 0 when the run begins */
@@ -332,7 +340,11 @@ const char *bd_state_bad(const bd_layout *lay, const double *y, int *body, int *
 double bd_state_scale(const bd_model *model, int row, int k) {
   const bd_field_row *field = &bd_state_fields[row];
   const double strain = model->geometry.code == BD_OK ? model->info.strain : 0.01;
-  const double stretch = strain * model->info.link_length, speed = bd_speed_scale(model);
+  /* of an ALE belt errors are of it as a whole, not of a link's joint */
+  const double whole = model->info.length,
+               waves = sqrt(model->belt.axial_stiffness / model->belt.linear_density);
+  const double stretch = strain * (model->drive ? whole : model->info.link_length);
+  const double speed = model->drive ? strain * waves : bd_speed_scale(model);
   const bd_mounted *mount = field->size == BD_SIZE_MOUNTS ? &model->mounts[k] : NULL;
   const bd_coupled *coupled = field->size == BD_SIZE_COUPLINGS ? &model->couplings[k] : NULL;
   const double arm = mount                            ? mount->lever
@@ -355,7 +367,7 @@ double bd_state_scale(const bd_model *model, int row, int k) {
     return speed / arm;
   case BD_SCALE_FRICTION:
     for (int j = 0; j < model->lay.np; ++j) {
-      if (model->slot[j] == k / states) {
+      if (bd_in_slot(model, j, k / states)) {
         least = fmin(least, bd_friction_state_scale(model, j, k % states));
       }
     }

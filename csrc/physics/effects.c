@@ -131,7 +131,7 @@ static void carve_contact(bd_carver *carver, bd_plan *plan, const bd_model *mode
   BD_CARVE(carver, plan->joints, lay->n);
   BD_CARVE(carver, plan->touches, lay->n);
   if (model->belt_model->carve) {
-    model->belt_model->carve(carver, plan, lay);
+    model->belt_model->carve(carver, plan, model);
   }
   BD_CARVE(carver, plan->contact_pulleys, lay->np);
   BD_KEEP(carver, plan->owner, lay->n8 * lay->slots);

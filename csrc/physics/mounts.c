@@ -118,6 +118,9 @@ static int mounts_rate(bd_plan *plan, double t, double *y, double *dy, bd_error 
     dy[lay->mount_friction + m] = plan->grip_on ? sliding(mount, v, share) : 0.0;
     lost += held * v;
   }
+  if (model->belt_model->carry) {
+    model->belt_model->carry(plan, dy);
+  }
   dy[lay->work + W_mount_loss] = lost;
   return BD_OK;
 }

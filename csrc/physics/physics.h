@@ -418,7 +418,8 @@ struct bd_plan {
   bd_links seen;    /* and the links with directions of any other state than the rate's */
   bd_joint *joints; /* scratch of the outputs, by node, */
   bd_touch *touches;
-  double *owner; /* pulley that holds a friction slot, -1: none; (slots, n8) */
+  struct bd_ale_belt *ale; /* of an ALE belt, belts/ale.h */
+  double *owner;           /* pulley that holds a friction slot, -1: none; (slots, n8) */
   bd_search search;
   bd_torque_set torques;
   double *torque;        /* M_d of the last evaluation */

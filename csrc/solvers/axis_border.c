@@ -58,7 +58,9 @@ void bd_axis_fill(bd_newton_system *system, const bd_layout *lay, int j, const b
   };
 }
 
-void bd_axis_entries(const bd_newton_system *system, const bd_layout *lay, int n, double *w) {
+void bd_axis_entries(const bd_newton_system *system, const bd_layout *lay, double damped, int n,
+                     double *w) {
+  (void)damped;
   for (int j = 0; j < lay->np; ++j) {
     const bd_moving_axis *axis = bd_moving_axis_of(&system->at, j);
     const int belt = bd_belt_body(lay, j), own = axis ? axis->body : -1;

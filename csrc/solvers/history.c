@@ -60,4 +60,7 @@ void bd_history_push(bd_stepper *stepper, double h) {
 void bd_history_rebase(bd_stepper *stepper) {
   wind(stepper);
   reset_friction(stepper);
+  for (int k = 0; stepper->model->belt_model->rebase && k < stepper->n_history; ++k) {
+    stepper->model->belt_model->rebase(&stepper->plan, stepper->history[k]);
+  }
 }

@@ -33,8 +33,7 @@ typedef struct columns {
   int first, colour;
 } columns;
 
-/* row -1: there is none. */
-static void put(bd_entries *to, int row, int column, double value) {
+void bd_newton_put(bd_entries *to, int row, int column, double value) {
   if (row < 0 || fabs(value) <= NOTHING) {
     return;
   }
@@ -99,8 +98,8 @@ static void read_nodes(const reading *r, const columns *of, const double *const 
   for (int i = 0; i < lay->n; ++i) {
     const int column = column_of(of, lay->n, i);
     for (int u = 0; column >= 0 && u < r->system->ring_kernels->unknowns; ++u) {
-      put(r->to, entry_of(lay, F_VX + u, i), column,
-          factor * (u < 2 ? links->inv_mass : turn) * force[u][i]);
+      bd_newton_put(r->to, entry_of(lay, F_VX + u, i), column,
+                    factor * (u < 2 ? links->inv_mass : turn) * force[u][i]);
     }
   }
 }
@@ -113,7 +112,7 @@ static void read_states(const reading *r, const columns *of) {
     for (int i = 0; i < lay->n; ++i) {
       const int row = entry_of(lay, field, i), column = column_of(of, lay->n, i);
       if (column >= 0) {
-        put(r->to, row, column, r->c[row] / SHORT);
+        bd_newton_put(r->to, row, column, r->c[row] / SHORT);
       }
     }
   }
@@ -171,8 +170,8 @@ static void read_row(const reading *r, int body, int j) {
       const double end = k == 2 ? r->plan->links.half : 1.0;
       for (int i = runs[n].begin; i < runs[n].end && i < lay->n; ++i) {
         const int at = k * lay->stride + i;
-        put(r->to, row, entry_of(lay, F_X + k, i), per / SHORT * s->bodies[body].q[at]);
-        put(r->to, row, entry_of(lay, F_VX + k, i), -per * end * s->bodies[body].w[at]);
+        bd_newton_put(r->to, row, entry_of(lay, F_X + k, i), per / SHORT * s->bodies[body].q[at]);
+        bd_newton_put(r->to, row, entry_of(lay, F_VX + k, i), -per * end * s->bodies[body].w[at]);
       }
     }
   }
@@ -193,12 +192,12 @@ static void read_friction(const reading *r, int body, int j) {
       for (int i = runs[n].begin; i < runs[n].end && i < lay->n; ++i) {
         const int at = e * lay->stride + i;
         const int column = entry_of(lay, bd_f_state(lay, pulley->slot) + e, i);
-        put(r->to, row_of(r, body), column,
-            per / bd_freedom_of(r->plan, body).inertia * slot->given_torque[at]);
+        bd_newton_put(r->to, row_of(r, body), column,
+                      per / bd_freedom_of(r->plan, body).inertia * slot->given_torque[at]);
         if (axis) {
           const double *a = axis->at.a, inertia = bd_freedom_of(r->plan, axis->body).inertia;
           const double force = a[0] * slot->given_x[at] + a[1] * slot->given_y[at];
-          put(r->to, row_of(r, axis->body), column, -per / inertia * force);
+          bd_newton_put(r->to, row_of(r, axis->body), column, -per / inertia * force);
         }
       }
     }
@@ -229,8 +228,9 @@ static void read_bodies(const reading *r) {
     s->rhs[body] = 1.0;
     read_states(r, &of);
     for (int row = 0; row < bodies; ++row) {
-      put(r->to, row_of(r, row), of.first,
-          -s->of_bodies[row * bodies + body] / (SHORT * bd_freedom_of(r->plan, row).inertia));
+      bd_newton_put(r->to, row_of(r, row), of.first,
+                    -s->of_bodies[row * bodies + body] /
+                        (SHORT * bd_freedom_of(r->plan, row).inertia));
     }
   }
 }
@@ -242,8 +242,8 @@ static void read_single(const reading *r, int first) {
   const columns of = {first, -1};
   read_given(r, &of);
   for (int body = 0; body < bd_count_bodies(lay); ++body) {
-    put(r->to, row_of(r, body), first,
-        s->rhs[body] / (SHORT * SHORT * bd_freedom_of(r->plan, body).inertia));
+    bd_newton_put(r->to, row_of(r, body), first,
+                  s->rhs[body] / (SHORT * SHORT * bd_freedom_of(r->plan, body).inertia));
   }
   clear_bodies(r);
   read_states(r, &of);
@@ -251,7 +251,7 @@ static void read_single(const reading *r, int first) {
 
 static void put_entry(const void *reading_, int row, int column, double value) {
   const reading *r = reading_;
-  put(r->to, row, column, value);
+  bd_newton_put(r->to, row, column, value);
 }
 
 static void put_column(const void *reading_, int state) {
@@ -282,7 +282,7 @@ static void read_decay(const reading *r) {
         for (int i = runs[n].begin; i < runs[n].end && i < lay->n; ++i) {
           const int z = entry_of(lay, bd_f_state(lay, pulley->slot) + e, i);
           const double left = s->slots[j].decay[e * lay->stride + i];
-          put(r->to, z, z, (1.0 - 1.0 / left) / LONG);
+          bd_newton_put(r->to, z, z, (1.0 - 1.0 / left) / LONG);
         }
       }
     }
@@ -299,7 +299,7 @@ void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, doubl
   bd_newton_fill(system, plan, y, SHORT, 0.0, NULL, SHORT * system->at.mass_damping * mass);
   for (int k = 0; k < system->ring_kernels->unknowns; ++k) {
     for (int i = 0; i < lay->n; ++i) {
-      put(to, entry_of(lay, F_X + k, i), entry_of(lay, F_VX + k, i), 1.0);
+      bd_newton_put(to, entry_of(lay, F_X + k, i), entry_of(lay, F_VX + k, i), 1.0);
     }
   }
   read_moves(&r, 0);
@@ -310,7 +310,7 @@ void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, doubl
     }
   }
   for (int j = 0; j < lay->np; ++j) {
-    put(to, lay->theta + j, lay->omega + j, 1.0);
+    bd_newton_put(to, lay->theta + j, lay->omega + j, 1.0);
   }
   read_bodies(&r);
   read_states_of_effects(&r);

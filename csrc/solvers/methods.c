@@ -55,13 +55,13 @@ static const double *aim_of(const bd_method *method, const bd_model *model) {
 double bd_method_tolerance(const bd_method *method, const bd_model *model, double rtol) {
   const int back = method->history > 0;
   const double least = back ? 1e-10 : 0.0, most = method->implicit && !back ? 1.0 : 0.22;
-  const double *aim = aim_of(method, model);
-  return fmax(least, fmin(most, aim[0] * pow(rtol, aim[1])));
+  const double *aim = aim_of(method, model), by_rtol = model->belt_model->facts.by_rtol;
+  return fmax(least, fmin(most, by_rtol > 0.0 ? by_rtol * rtol : aim[0] * pow(rtol, aim[1])));
 }
 
 double bd_method_error(const bd_method *method, const bd_model *model, double local) {
-  const double *aim = aim_of(method, model);
-  return pow(local / aim[0], 1.0 / aim[1]);
+  const double *aim = aim_of(method, model), by_rtol = model->belt_model->facts.by_rtol;
+  return by_rtol > 0.0 ? local / by_rtol : pow(local / aim[0], 1.0 / aim[1]);
 }
 
 /* A step at the stability limit of the joints, which is known, would let rounding errors and

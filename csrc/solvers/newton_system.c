@@ -123,7 +123,7 @@ void bd_newton_bodies(bd_newton_system *system, const bd_plan *plan, double g, d
   for (int k = 0; k < np * np; ++k) {
     w[k / np * n + k % np] -= g * (system->by_omega[k] + g * system->by_theta[k]);
   }
-  bd_axis_entries(system, lay, n, w);
+  plan->model->belt_model->newton->bodies(system, lay, damped, n, w);
 }
 
 /* --- factorisation --------------------------------------------------------------------------- */
@@ -370,6 +370,7 @@ const bd_newton_belt bd_newton_nodes = {.carve = bd_nodes_newton_carve,
                                         .factor = nodes_factor,
                                         .solve = nodes_solve,
                                         .row = nodes_row,
+                                        .bodies = bd_axis_entries,
                                         .product = nodes_product,
                                         .finish = nodes_finish,
                                         .restore = nodes_restore,

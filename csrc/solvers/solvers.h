@@ -27,6 +27,7 @@ typedef struct bd_newton_system {
   bd_assembled blocks;
   bd_contact_scratch scratch; /* of contact along the links */
   bd_slot *slots;             /* per pulley */
+  struct bd_ale_system *ale;  /* of an ALE belt, newton_ale.c */
   bd_body *bodies;            /* per shaft, mount, rim */
   bd_axis_border *axes;       /* per pulley */
   double *own, *rhs, *off, *of_bodies,
@@ -68,6 +69,9 @@ struct bd_newton_belt {
   void (*factor)(bd_newton_system *system);
   void (*solve)(const bd_newton_system *system, const bd_layout *lay, double *v);
   double (*row)(const bd_newton_system *system, const bd_plan *plan, int body, const double *v);
+  /* Adds its part between bodies to the small matrix (n, n), inertias times `damped`. */
+  void (*bodies)(const bd_newton_system *system, const bd_layout *lay, double damped, int n,
+                 double *w);
   void (*product)(bd_newton_system *system, const bd_plan *plan, double *c);
   void (*finish)(const bd_newton_system *system, const bd_plan *plan, int n, const double *columns,
                  const double *factors, double *c);
@@ -108,6 +112,8 @@ typedef struct bd_entries {
   double *values;
 } bd_entries;
 
+/* An entry, if it is not 0; row -1: there is none. */
+void bd_newton_put(bd_entries *to, int row, int column, double value);
 /* At a state that has been linearised, which sets the system up for another g; torques constant,
  * pulleys not locked. c: scratch, laid out as a state. */
 void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, double *c,
@@ -120,7 +126,8 @@ int bd_axis_at(const bd_newton_system *system, int j, double g, bd_axis *out);
 /* After the fill of pulley j: its axis in the small matrix. */
 void bd_axis_fill(bd_newton_system *system, const bd_layout *lay, int j, const bd_axis *at);
 /* Adds what contact has to do with axes that move to the small matrix (n, n). */
-void bd_axis_entries(const bd_newton_system *system, const bd_layout *lay, int n, double *w);
+void bd_axis_entries(const bd_newton_system *system, const bd_layout *lay, double damped, int n,
+                     double *w);
 /* What c says of the body with which the axis of pulley j moves, into right-hand sides; states: the
  * force on the belt of the given states of friction. */
 void bd_axis_product(bd_newton_system *system, const bd_plan *plan, int j, const double *c,

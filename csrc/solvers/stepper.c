@@ -60,6 +60,9 @@ void bd_stepper_weigh(bd_stepper *stepper) {
       }
     }
   }
+  if (model->belt_model->weigh) {
+    model->belt_model->weigh(model, stepper->weights);
+  }
   const bd_motion_set *motion = &stepper->plan.torques.motion;
   for (size_t k = 0; k < motion->n; ++k) {
     const int j = motion->motions[k].pulley;
@@ -79,7 +82,7 @@ void bd_stepper_weigh_friction(bd_stepper *stepper) {
     const double *owner = stepper->plan.owner + slot * lay->n8;
     double least = (double)INFINITY;
     for (int j = 0; j < lay->np; ++j) {
-      if (model->slot[j] == slot && model->friction[j].law != BD_LAW_NONE) {
+      if (bd_in_slot(model, j, slot) && model->friction[j].law != BD_LAW_NONE) {
         least = fmin(least, 1.0 / bd_friction_state_scale(model, j, element));
       }
     }

@@ -160,8 +160,6 @@ static int read_scene(scene *s) {
 
 static void make_scene(scene *s) {
   bd_carver carver = {.base = NULL};
-  static bd_ale_arc arcs[PULLEYS];
-  bd_ale plain;
   for (int pass = 0; pass < 2; ++pass) {
     if (pass == 1) {
       s->block = bd_block_new(carver.used);
@@ -170,18 +168,12 @@ static void make_scene(scene *s) {
     double *states[3];
     bd_ale_carve(&carver, &s->ale, &s->drive);
     for (int k = 0; k < 3; ++k) {
-      BD_CARVE(&carver, states[k], bd_ale_state_size(&s->ale, s->z_states));
+      BD_CARVE(&carver, states[k], bd_ale_state_size(&s->drive, s->z_states));
     }
     if (pass == 1) {
       bd_ale_make(&s->ale, &s->drive);
-    } else {
-      plain = s->ale;
-      plain.arcs = arcs;
-      for (int j = 0; j < s->np; ++j) {
-        arcs[j] = (bd_ale_arc){.n = s->pulleys[j].cells, .states = bd_friction_states(&s->laws[j])};
-      }
     }
-    bd_ale_newton_carve(&carver, &s->newton, pass == 1 ? &s->ale : &plain, s->z_states);
+    bd_ale_newton_carve(&carver, &s->newton, &s->drive, s->z_states);
     const int n = s->newton.ring.unknowns;
     BD_CARVE(&carver, s->dense, n * n);
     BD_CARVE(&carver, s->x, n);
@@ -194,7 +186,6 @@ static void make_scene(scene *s) {
       s->dy = bd_ale_state_in(&s->ale, s->z_states, states[1]);
     }
   }
-  bd_ale_newton_make(&s->newton, &s->ale);
 }
 
 /* The oracle's cells are span 0, arc 1, span 1, ..., arc 0: slot of its cell c. */

@@ -1,0 +1,680 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The row of the ALE belt: a mesh that stands where the pulleys are, through which the belt flows
+ * (MODEL, "A belt that flows"). The state vector has its cells one after the other, span 0, arc 1,
+ * span 1, ..., arc 0, each with the node where it begins; the kernels have them in slabs of slots
+ * (kernels/ale.h), into which a state is copied and out of which its rates are.
+ */
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "belts/ale.h"
+#include "belts/belts.h"
+
+/* --- the model's part ------------------------------------------------------------------------- */
+
+enum { MODES = 2 }; /* of a span */
+
+/* Some n_bodies cells: one of each span, and of an arc, on average, one more than its part, for
+ * their number is even. */
+static double shape(bd_model *model) {
+  bd_ale_drive *drive = model->drive;
+  const bd_belt *belt = &model->belt;
+  const int np = model->lay.np, laid = model->geometry.code == BD_OK;
+  const int on_arcs = belt->n_bodies > 2 * np ? belt->n_bodies - 2 * np : 1;
+  double all = 0.0, shortest = belt->length;
+  for (int j = 0; j < np; ++j) {
+    all += model->wraps[j].wrap * model->radius[j];
+  }
+  model->lay.n = 0;
+  for (int j = 0; j < np; ++j) {
+    const double arc = model->wraps[j].wrap * model->radius[j];
+    bd_ale_pulley *pulley = &drive->pulleys[j];
+    pulley->center[0] = model->cx[j];
+    pulley->center[1] = model->cy[j];
+    pulley->radius = model->radius[j];
+    pulley->raised = model->contact_radius[j] - model->radius[j];
+    pulley->side = model->side[j];
+    pulley->friction = &model->friction[j];
+    pulley->cells = bd_ale_cells(laid ? arc : 0.0, all / on_arcs);
+    shortest = laid ? fmin(shortest, arc / pulley->cells) : belt->length / (7 * np);
+    model->lay.n += pulley->cells + 1;
+    model->slot[j] = BD_EVERY_SLOT;
+  }
+  drive->modes = model->lay.modes = MODES;
+  model->lay.n_modes = np * MODES;
+  drive->direction = model->wraps[0].sense * model->side[0];
+  drive->linear_density = belt->linear_density;
+  drive->axial_stiffness = belt->axial_stiffness;
+  drive->axial_damping = belt->axial_damping;
+  drive->bending_stiffness = belt->bending_stiffness;
+  drive->bending_damping = belt->bending_damping;
+  drive->quadratic = model->contact.quadratic;
+  drive->linear = model->contact.linear;
+  memcpy(drive->gravity, model->gravity, sizeof drive->gravity);
+  drive->rest = model->info.mean_tension;
+  drive->moving = model->lay.nm > 0;
+  model->colours = 2; /* friction slots: both ends of a cell */
+  if (laid && np < 2) {
+    bd_fail(&model->geometry, BD_ERR_GEOMETRY, "belt.mesh",
+            "belt.mesh \"ale\" needs two pulleys at least, for a belt that lies on one all round "
+            "has no span: take \"joint\"");
+  }
+  return shortest;
+}
+
+/* Where cell c of the state vector stands, and where it begins. */
+static void place_cells(const bd_ale *ale, int *slot) {
+  for (int i = 0, c = 0; i < ale->np; ++i) {
+    const bd_ale_arc *from = &ale->arcs[i], *to = &ale->arcs[from->next];
+    slot[c++] = from->begin + from->n;
+    for (int k = 0; k < to->n; ++k) {
+      slot[c++] = to->begin + k;
+    }
+  }
+}
+
+static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
+  bd_ale_belt *belt, sizes;
+  double *states[3];
+  BD_CARVE(carver, belt, 1);
+  bd_ale_belt *to = carver->base ? belt : &sizes;
+  bd_ale_carve(carver, &to->ale, model->drive);
+  for (int k = 0; k < 3; ++k) {
+    BD_CARVE(carver, states[k], bd_ale_state_size(model->drive, model->lay.states));
+  }
+  BD_CARVE(carver, to->slot, model->lay.n);
+  BD_CARVE(carver, to->carried, model->lay.nm * model->lay.nm);
+  BD_CARVE(carver, to->inertia, model->lay.nm * model->lay.nm);
+  /* W is that of the last step; states follow from how it changes */
+  bd_keep(carver, (bd_kept){BD_KEPT_BEHIND, &to->ale.share_a,
+                            (size_t)to->ale.slots * sizeof(double), 0, 0});
+  bd_keep(carver, (bd_kept){BD_KEPT_BEHIND, &to->ale.share_b,
+                            (size_t)to->ale.slots * sizeof(double), 0, 0});
+  if (!carver->base) {
+    return;
+  }
+  plan->ale = belt;
+  belt->kernels = model->kernels->ale;
+  bd_ale_make(&belt->ale, model->drive);
+  belt->kernels->place(&belt->ale);
+  place_cells(&belt->ale, belt->slot);
+  belt->y = bd_ale_state_in(&belt->ale, model->lay.states, states[0]);
+  belt->dy = bd_ale_state_in(&belt->ale, model->lay.states, states[1]);
+  belt->spare = bd_ale_state_in(&belt->ale, model->lay.states, states[2]);
+}
+
+/* Metres by what their stretch at rest is worth, speeds by what a wave of it has, modes by a
+ * thousandth of their span (FLOWING, section 3). */
+static void weigh(const bd_model *model, double *weights) {
+  const bd_layout *lay = &model->lay;
+  const double strain = model->info.strain;
+  const double waves = sqrt(model->belt.axial_stiffness / model->belt.linear_density);
+  double *m = bd_field(lay, weights, F_M), *v = bd_field(lay, weights, F_V);
+  for (int i = 0, c = 0; i < lay->np; ++i) {
+    const int j = (i + 1) % lay->np, cells = model->drive->pulleys[j].cells;
+    const double span = model->wraps[i].span, arc = model->wraps[j].wrap * model->radius[j];
+    const double across = sqrt(model->drive->rest / model->belt.linear_density);
+    m[c] = 1.0 / (span * strain);
+    for (int k = 0; k < cells; ++k) {
+      m[++c] = cells / (arc * strain);
+    }
+    ++c;
+    for (int n = 0; n < lay->modes; ++n) {
+      weights[lay->a + i * lay->modes + n] = 1e3 / span;
+      weights[lay->p + i * lay->modes + n] = 1e3 / (BD_PI * across);
+    }
+  }
+  for (int c = 0; c < lay->n; ++c) {
+    v[c] = 1.0 / (strain * waves);
+  }
+}
+
+/* --- states in and out ------------------------------------------------------------------------ */
+
+/* Goes through a state vector and a state in slabs. */
+static void copy(const bd_plan *plan, double *y, const bd_ale_state *slabs, int into) {
+  const bd_layout *lay = &plan->model->lay;
+  const int *slot = plan->ale->slot, states = lay->slots > 0 ? lay->states : 0;
+#define COPY(place, other)                                                                         \
+  do {                                                                                             \
+    if (into) {                                                                                    \
+      (other) = (place);                                                                           \
+    } else {                                                                                       \
+      (place) = (other);                                                                           \
+    }                                                                                              \
+  } while (0)
+  double *m = bd_field(lay, y, F_M), *v = bd_field(lay, y, F_V);
+  for (int c = 0; c < lay->n; ++c) {
+    COPY(m[c], slabs->m[slot[c]]);
+    COPY(v[c], slabs->v[slot[c]]);
+  }
+  for (int end = 0; end < lay->slots; ++end) {
+    for (int e = 0; e < states; ++e) {
+      double *z = bd_field(lay, y, bd_f_state(lay, end) + e);
+      for (int c = 0; c < lay->n; ++c) {
+        COPY(z[c], slabs->z[end][e * slabs->stride + slot[c]]);
+      }
+    }
+  }
+  for (int k = 0; k < lay->n_modes; ++k) {
+    COPY(y[lay->a + k], slabs->a[k]);
+    COPY(y[lay->p + k], slabs->p[k]);
+  }
+#undef COPY
+}
+
+void bd_ale_read(const bd_plan *plan, const double *y, const bd_ale_state *slabs) {
+  copy(plan, (double *)y, slabs, 1);
+}
+
+void bd_ale_write(const bd_plan *plan, const bd_ale_state *slabs, double *y) {
+  copy(plan, y, slabs, 0);
+}
+
+/* --- a rate ----------------------------------------------------------------------------------- */
+
+/* Axes where the plan has them, speeds of rims, laws of friction that the plan has. */
+static void put_axes(const bd_plan *plan, const double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  for (int j = 0; j < lay->np; ++j) {
+    bd_ale_arc *arc = &plan->ale->ale.arcs[j];
+    arc->axis.omega = y[lay->rim[j]];
+    arc->friction.law = plan->contact_pulleys[j].law;
+  }
+  for (int m = 0; m < lay->nm; ++m) {
+    bd_ale_axis *axis = &plan->ale->ale.arcs[lay->mounted[m]].axis;
+    const bd_place at = bd_mount_place(&plan->model->mounts[m], y[lay->travel + m]);
+    axis->speed = y[lay->travel_speed + m];
+    for (int x = 0; x < 2; ++x) {
+      axis->c[x] = at.c[x];
+      axis->v[x] = axis->speed * at.a[x];
+      axis->lever[x] = at.a[x];
+      axis->bend[x] = at.bend[x];
+      axis->known[x] = axis->speed * axis->speed * at.bend[x];
+    }
+  }
+}
+
+void bd_ale_evaluate(const bd_plan *plan, const double *y) {
+  bd_ale_belt *belt = plan->ale;
+  put_axes(plan, y);
+  bd_ale_read(plan, y, &belt->y);
+  bd_ale_rate(&belt->ale, belt->kernels, &belt->y, &belt->dy);
+}
+
+/* The same, with forces on axes that stand. */
+static const bd_ale *look(const bd_plan *plan, const double *y) {
+  bd_ale *ale = &plan->ale->ale;
+  const int moving = ale->moving;
+  ale->moving = 1;
+  bd_ale_evaluate(plan, y);
+  ale->moving = moving;
+  return ale;
+}
+
+static double joints(bd_plan *plan, double *y, double *dy) {
+  (void)plan, (void)y, (void)dy;
+  return 0.0; /* known once axes and speeds of rims are (contact_end) */
+}
+
+static void fall(const bd_plan *plan, double *dy) {
+  (void)plan, (void)dy;
+}
+
+static void contact_begin(bd_plan *plan, double *y) {
+  bd_ale_evaluate(plan, y);
+}
+
+static void contact(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums) {
+  const bd_ale_arc *arc = &plan->ale->ale.arcs[j];
+  (void)y, (void)dy;
+  *sums = (bd_sums){.torque = arc->torque,
+                    .friction_loss = arc->slip_loss,
+                    .force = {-arc->force[0], -arc->force[1]}};
+}
+
+static void contact_end(bd_plan *plan, double *dy) {
+  const bd_ale_belt *belt = plan->ale;
+  bd_ale_write(plan, &belt->dy, dy);
+  if (!plan->skip_power) {
+    const bd_ale_losses lost = bd_ale_losses_of(&belt->ale, &belt->y);
+    dy[plan->model->lay.work + W_joint_loss] = lost.axial + lost.bending;
+  }
+}
+
+/* Inertia of mounts with that of the belt, which two at the ends of one span share. */
+void bd_ale_carried(const bd_plan *plan, double *matrix) {
+  const bd_model *model = plan->model;
+  const int nm = model->lay.nm;
+  const bd_ale *ale = &plan->ale->ale;
+  memset(matrix, 0, (size_t)(nm * nm) * sizeof *matrix);
+  for (int m = 0; m < nm; ++m) {
+    matrix[m * nm + m] = ale->arcs[model->lay.mounted[m]].inertia;
+  }
+  for (int i = 0; i < ale->np; ++i) {
+    const int m = model->mount_of[i], k = model->mount_of[ale->arcs[i].next];
+    if (m >= 0 && k >= 0) {
+      matrix[m * nm + k] += ale->spans[i].coupling;
+      matrix[k * nm + m] += ale->spans[i].coupling;
+    }
+  }
+}
+
+/* Positive definite: no pivots are sought. */
+void bd_ale_carry(const bd_plan *plan, const double *inertia, double *q) {
+  const int nm = plan->model->lay.nm;
+  double *a = plan->ale->carried;
+  for (int m = 0; m < nm; ++m) {
+    const int moves = plan->model->mounts[m].row->moves;
+    for (int k = 0; k < nm; ++k) { /* of those that are prescribed all is known */
+      const int both = moves && plan->model->mounts[k].row->moves;
+      a[m * nm + k] = both ? inertia[m * nm + k] : 0.0;
+    }
+    a[m * nm + m] += moves ? plan->mount_inertia[m] : 1.0;
+  }
+  for (int m = 0; m < nm; ++m) {
+    for (int k = m + 1; k < nm; ++k) {
+      const double factor = a[k * nm + m] / a[m * nm + m];
+      for (int l = m; factor != 0.0 && l < nm; ++l) {
+        a[k * nm + l] -= factor * a[m * nm + l];
+      }
+      q[k] -= factor * q[m];
+    }
+  }
+  for (int m = nm - 1; m >= 0; --m) {
+    for (int k = m + 1; k < nm; ++k) {
+      q[m] -= a[m * nm + k] * q[k];
+    }
+    q[m] /= a[m * nm + m];
+  }
+}
+
+static void carry(const bd_plan *plan, double *dy) {
+  double *q = dy + plan->model->lay.travel_speed;
+  for (int m = 0; m < plan->model->lay.nm; ++m) {
+    q[m] *= plan->mount_inertia[m];
+  }
+  bd_ale_carried(plan, plan->ale->inertia);
+  bd_ale_carry(plan, plan->ale->inertia, q);
+}
+
+/* --- between steps ---------------------------------------------------------------------------- */
+
+/* W of a state that no step has led to. */
+static void list(bd_plan *plan, const double *y, double h) {
+  (void)h;
+  if (isinf(plan->search.travelled)) {
+    bd_mounts_put(plan, y);
+    bd_ale_evaluate(plan, y);
+    plan->ale->kernels->freeze(&plan->ale->ale, NULL);
+    plan->search.travelled = 0.0;
+  }
+}
+
+/* Which pulley a cell's states are of; those that its law does not have are 0. */
+static void begin(bd_plan *plan, double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_ale *ale = &plan->ale->ale;
+  for (int i = 0, c = 0; i < lay->np; ++i) {
+    const int j = ale->arcs[i].next, last = c + ale->arcs[j].n;
+    for (int first = c; c <= last; ++c) {
+      const int owner = c == first || plan->contact_pulleys[j].law == BD_LAW_NONE ? -1 : j;
+      for (int end = 0; end < lay->slots; ++end) {
+        plan->owner[end * lay->n8 + c] = owner;
+        for (int e = owner < 0 ? 0 : plan->contact_pulleys[j].states; e < lay->states; ++e) {
+          bd_field(lay, y, bd_f_state(lay, end) + e)[c] = 0.0;
+        }
+      }
+    }
+  }
+}
+
+/* What the model does not hold beyond: belt off a pulley, spans that hang or swing far, waves that
+ * the belt outruns. */
+static int check_limits(const bd_plan *plan, double t, bd_error *err) {
+  const double LEAST = 0.05, STEEPEST = 0.2; /* of the force at rest; slope of a span */
+  const bd_ale *ale = &plan->ale->ale;
+  const char *advice = "which mesh=\"ale\" does not describe: take mesh=\"joint\"";
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    const bd_ale_span *span = &ale->spans[j];
+    double least = (double)INFINITY, slope = 0.0;
+    for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
+      least = fmin(least, ale->pressing[k]);
+    }
+    for (int n = 0; n < ale->modes; ++n) {
+      slope += fabs(span->wave[n] * span->ab[n]);
+    }
+    const double thrown = ale->density * span->past * span->past / span->stretch;
+    if (!(thrown < span->elastic)) {
+      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "belt", t, -1, j, thrown,
+                        "the belt runs faster than waves in the span behind %s at t = %.9g s, so "
+                        "that it lifts off, %s",
+                        bd_pulley_label(plan->model, j).text, t, advice);
+    }
+    if (!(least > LEAST * ale->rest)) {
+      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "belt", t, -1, j, least,
+                        "the belt on %s and behind it is slack at t = %.9g s, pressed on by a "
+                        "tension of %.3g N, %.3g N at rest, %s",
+                        bd_pulley_label(plan->model, j).text, t, least, ale->rest, advice);
+    }
+    if (!(slope < STEEPEST)) {
+      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "belt", t, -1, j, slope,
+                        "the span behind %s swings with a slope of %.2g at t = %.9g s, %s",
+                        bd_pulley_label(plan->model, j).text, slope, t, advice);
+    }
+  }
+  return BD_OK;
+}
+
+/* States beyond the bound of their law, into it. */
+static void bound_states(const bd_plan *plan, double tolerance, int *changed) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_ale_state *y = &plan->ale->y;
+  for (int j = 0; j < lay->np; ++j) {
+    const bd_ale_arc *arc = &plan->ale->ale.arcs[j];
+    const double bound = plan->contact_pulleys[j].bound;
+    for (int e = 0; e < 2 * arc->states && isfinite(bound); ++e) {
+      double *z = y->z[e / arc->states] + e % arc->states * y->stride + arc->begin;
+      for (int k = 0; k < arc->n; ++k) {
+        if (fabs(z[k]) > bound) {
+          *changed |= fabs(z[k]) > bound * (1.0 + tolerance);
+          z[k] = copysign(bound, z[k]);
+        }
+      }
+    }
+  }
+}
+
+/* By what states of friction have been multiplied, into `spare`, from those of y. */
+static void note_changes(const bd_plan *plan, const double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_ale_belt *belt = plan->ale;
+  for (int k = 0; k < lay->slots * lay->states; ++k) {
+    const double *before = bd_cfield(lay, y, F_MU + k);
+    const int at = k % lay->states * belt->y.stride;
+    for (int c = 0; c < lay->n; ++c) {
+      const int slot = at + belt->slot[c];
+      const double now = belt->y.z[k / lay->states][slot];
+      belt->spare.z[k / lay->states][slot] = before[c] != 0.0 ? now / before[c] : 1.0;
+    }
+  }
+}
+
+/* States of the past likewise, else a multistep method would take the difference for an error. */
+static void rebase(const bd_plan *plan, double *y) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_ale_belt *belt = plan->ale;
+  for (int k = 0; k < lay->slots * lay->states; ++k) {
+    double *z = bd_field(lay, y, F_MU + k);
+    for (int c = 0; c < lay->n; ++c) {
+      z[c] *= belt->spare.z[k / lay->states][k % lay->states * belt->y.stride + belt->slot[c]];
+    }
+  }
+}
+
+/* W stands in a step, and is another in the next: rates are. */
+static int after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
+                      bd_error *err) {
+  bd_ale_belt *belt = plan->ale;
+  bd_mounts_put(plan, y);
+  put_axes(plan, y);
+  bd_ale_read(plan, y, &belt->y);
+  if (belt->ale.moving) {
+    belt->kernels->place(&belt->ale);
+  }
+  belt->kernels->stretch(&belt->ale, &belt->y);
+  BD_TRY(check_limits(plan, t, err));
+  belt->kernels->freeze(&belt->ale, &belt->y);
+  bound_states(plan, tolerance, changed);
+  note_changes(plan, y);
+  *changed |= belt->ale.bending > 0.0;
+  bd_ale_write(plan, &belt->y, y);
+  return BD_OK;
+}
+
+/* --- outputs ---------------------------------------------------------------------------------- */
+
+/* All cells; of a span's those that its mesh has not. */
+static void joints_at(const bd_plan *plan, const double *y, const double *co, const double *si,
+                      bd_joint *out) {
+  const bd_model *model = plan->model;
+  const bd_ale *ale = look(plan, y);
+  (void)co, (void)si;
+  for (int c = 0; c < model->lay.n; ++c) {
+    const int k = plan->ale->slot[c];
+    const double strain = ale->stretch[k] - 1.0, alike = strain * model->info.link_length;
+    out[c] = (bd_joint){
+        .along = strain * plan->ale->y.m[k], .squared = alike * alike, .force = ale->tension[k]};
+  }
+}
+
+static double push(const bd_plan *plan, const double *y, int j, double force[2]) {
+  const bd_ale_arc *arc = &look(plan, y)->arcs[j];
+  force[0] = -arc->force[0];
+  force[1] = -arc->force[1];
+  return arc->torque;
+}
+
+/* Of a cell of an arc both ends together. */
+static void rubbing(const bd_ale *ale, int j, int slot, double out[4]) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const double share = ale->share_a[slot] + ale->share_b[slot];
+  const double normal = 0.5 * fmax(0.0, ale->pressing[slot]) * arc->cell_angle * share;
+  const double friction = ale->force_a[slot] + ale->force_b[slot];
+  const double rho = arc->radius + arc->raised - ale->sink[slot];
+  out[0] = normal;
+  out[1] = friction;
+  out[2] = normal > 0.0 ? friction / normal : 0.0;
+  out[3] = 0.5 * (ale->slid[slot] + ale->slid[slot + 1]) - arc->sense * arc->axis.omega * rho;
+}
+
+static void contact_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+  const bd_layout *lay = &plan->model->lay;
+  const size_t n = (size_t)lay->n, np = (size_t)lay->np;
+  const bd_ale *ale = look(plan, y);
+  double swings = 0.0;
+  for (int i = 0, c = 0; i < lay->np; ++i) {
+    const int j = ale->arcs[i].next, last = c + ale->arcs[j].n;
+    for (int first = c; c <= last; ++c) {
+      const size_t at = k * n + (size_t)c;
+      double value[4] = {0.0, 0.0, 0.0, 0.0};
+      if (c > first) {
+        rubbing(ale, j, plan->ale->slot[c], value);
+      }
+      bd_put(out->normal, at, value[0]);
+      bd_put(out->friction, at, value[1]);
+      bd_put(out->mu, at, value[2]);
+      bd_put(out->velocity, at, value[3]);
+      if (out->pulley) {
+        out->pulley[at] = c > first ? j : -1;
+      }
+    }
+    const size_t pulley = k * np + (size_t)i;
+    bd_put(out->load, 2 * pulley, ale->arcs[i].force[0]);
+    bd_put(out->load, 2 * pulley + 1, ale->arcs[i].force[1]);
+    const int slot = ale->arcs[i].begin + ale->arcs[i].n;
+    bd_put(out->span_tension, pulley, ale->tension[slot]);
+    for (int m = 0; m < lay->modes; ++m) {
+      const double p = y[lay->p + i * lay->modes + m];
+      swings += 0.5 * p * p * plan->ale->y.m[slot];
+    }
+  }
+  bd_put(out->across, k, swings / plan->model->belt.length);
+}
+
+static bd_contact_rounding rounding(const bd_plan *plan, const double *y, int j) {
+  (void)plan, (void)y, (void)j;
+  return (bd_contact_rounding){.least = -1};
+}
+
+static double off_line(bd_plan *plan, const double *y, const double *y_new, double h) {
+  (void)plan, (void)y, (void)y_new, (void)h;
+  return 0.0;
+}
+
+/* Where a cell has its middle against the model's origin, at the mean of its nodes' tangents. */
+static void middle_of(const bd_ale *ale, int j, int slot, double at[2]) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const bd_ale_span *span = &ale->spans[j];
+  const double D = ale->direction, lift = arc->side * (arc->radius - ale->sink[slot] + arc->raised);
+  if (slot < arc->begin + arc->n) {
+    const double tx = ale->tx[slot] + ale->tx[slot + 1], ty = ale->ty[slot] + ale->ty[slot + 1];
+    const double per = lift / hypot(tx, ty);
+    at[0] = arc->axis.c[0] + D * ty * per;
+    at[1] = arc->axis.c[1] - D * tx * per;
+    return;
+  }
+  const double raised = arc->side * arc->line_radius, half = 0.5 * span->length;
+  at[0] = arc->axis.c[0] + raised * span->n[0] + half * span->e[0];
+  at[1] = arc->axis.c[1] + raised * span->n[1] + half * span->e[1];
+}
+
+static double weighs(const bd_plan *plan, const bd_ale *ale) {
+  const bd_model *model = plan->model;
+  const bd_ale_state *y = &plan->ale->y;
+  double sum = 0.0;
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    const double of_span = y->m[arc->begin + arc->n];
+    for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
+      double at[2];
+      middle_of(ale, j, k, at);
+      sum += y->m[k] * (model->gravity[0] * (at[0] + model->origin[0]) +
+                        model->gravity[1] * (at[1] + model->origin[1]));
+    }
+    for (int n = 0; n < ale->modes; ++n) {
+      sum += of_span * 2.0 * ale->odd[n] * ale->spans[j].sag * y->a[j * ale->modes + n];
+    }
+  }
+  return -ale->density * sum;
+}
+
+static void energy(const bd_plan *plan, const double *y, const bd_joint *unused,
+                   double terms[BD_N_ENERGY]) {
+  const bd_ale *ale = look(plan, y);
+  const bd_ale_energy has = bd_ale_energy_of(ale, &plan->ale->y);
+  (void)unused;
+  terms[BD_ENERGY_kinetic] += has.kinetic + has.lateral;
+  terms[BD_ENERGY_axial] += has.axial;
+  terms[BD_ENERGY_bending] += has.bending;
+  terms[BD_ENERGY_contact] += has.contact;
+  terms[BD_ENERGY_gravity] += plan->model->has_gravity ? weighs(plan, ale) : 0.0;
+}
+
+/* Whose energy is among that of the belt. */
+static int contact_energy(const bd_plan *plan, const double *y, int j, double *stored) {
+  (void)plan, (void)y, (void)j, (void)stored;
+  return 1; /* or the run has ended */
+}
+
+static int turns(const bd_plan *plan, const double *y, int j) {
+  (void)y;
+  return plan->model->winding[j];
+}
+
+/* Of stretches, on cells of one length. */
+static double apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v) {
+  const bd_ale *one = look(plan, y), *two = look(other, v);
+  const double length = plan->model->info.link_length;
+  double sum = 0.0;
+  for (int c = 0; c < plan->model->lay.n; ++c) {
+    const int k = plan->ale->slot[c];
+    const double off = length * (one->stretch[k] - two->stretch[k]);
+    sum += off * off;
+  }
+  return sum;
+}
+
+/* --- starts ----------------------------------------------------------------------------------- */
+
+/* The same flow everywhere. */
+static void set_going(const bd_plan *plan, double *y, double speed) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_ale *ale = look(plan, y);
+  const double flow = speed / ale->spans[0].stretch;
+  double *v = bd_field(lay, y, F_V);
+  for (int c = 0; c < lay->n; ++c) {
+    v[c] = flow / ale->per_stretch[plan->ale->slot[c]];
+  }
+  for (int k = 0; k < lay->n_modes; ++k) {
+    y[lay->p + k] = ale->spans[k / lay->modes].moved[k % lay->modes];
+  }
+}
+
+static int rest(const bd_plan *plan, double speed, double *y, bd_error *err) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  bd_ale_belt *belt = plan->ale;
+  memset(y, 0, lay->size * sizeof *y);
+  for (int m = 0; m < lay->nm; ++m) {
+    y[lay->travel + m] = model->mounts[m].rest;
+  }
+  bd_mounts_put(plan, y);
+  put_axes(plan, y);
+  bd_ale_read(plan, y, &belt->y);
+  belt->kernels->place(&belt->ale);
+  if (!isfinite(bd_ale_start(&belt->ale, model->belt.length, speed, &belt->y))) {
+    return bd_fail(err, BD_ERR_NOT_SETTLED, "settle",
+                   "no tension was found in which the belt runs at %g m/s: take mesh=\"joint\"",
+                   speed);
+  }
+  bd_ale_write(plan, &belt->y, y);
+  for (int j = 0; j < lay->np; ++j) {
+    y[lay->omega + j] = y[lay->rim[j]] = belt->ale.arcs[j].axis.omega;
+  }
+  for (int c = 0; c < lay->nc; ++c) { /* rings turn with their pulleys */
+    y[lay->rim_speed + c] = y[lay->omega + lay->coupled[c]];
+  }
+  return BD_OK;
+}
+
+const bd_belt_model bd_belt_ale = {
+    .facts = {.mesh = BD_MESH_ALE,
+              .name = "ale",
+              .text = "cells of a mesh that stands where the pulleys are, through which the belt "
+                      "flows",
+              .nodes = "cells",
+              .note = "",
+              .model = BD_BELT_AUTO,
+              .bends = 1,
+              .mounts = 1,
+              .smooth = 1,
+              .shear = 4.0,
+              .explicit_share = 0.8,
+              .error_by_local = 2.0,
+              .error_by_balance = 0.1,
+              .implicit_cost = 5.0,
+              .by_rtol = 1.0,
+              .fields = 1u << F_M | 1u << F_V | 1u << F_MU,
+              .lacks = 1u << BD_SIZE_LINKS | 1u << BD_SIZE_SLOTS | 1u << BD_SIZE_SLIPS},
+    .newton = &bd_newton_ale,
+    .joints_text = {"belt that flows through its mesh",
+                    "belt that flows through its mesh, bending"},
+    .shape = shape,
+    .weigh = weigh,
+    .set_going = set_going,
+    .rest = rest,
+    .carve = carve,
+    .joints = joints,
+    .fall = fall,
+    .contact = contact,
+    .contact_begin = contact_begin,
+    .contact_end = contact_end,
+    .carry = carry,
+    .joints_at = joints_at,
+    .contact_energy = contact_energy,
+    .list = list,
+    .begin = begin,
+    .after_step = after_step,
+    .rebase = rebase,
+    .push = push,
+    .contact_outputs = contact_outputs,
+    .rounding = rounding,
+    .off_line = off_line,
+    .energy = energy,
+    .turns = turns,
+    .apart = apart,
+};

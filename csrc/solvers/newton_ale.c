@@ -1,0 +1,341 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * The ALE belt in the linear systems of the implicit methods (newton_system.c): its unknowns are
+ * all of first order, a ring of blocks (kernels/ale_blocks.h) with a column for each body,
+ *
+ *   (1 - g J) k = g c - (columns of bodies) k,
+ *
+ * by the derivatives of belts/ale_jacobian.c. A mount's travel is eliminated, k_q = g (c_q + k_v).
+ */
+#include <math.h>
+#include <string.h>
+
+#include "belts/ale.h"
+#include "solvers/solvers.h"
+
+struct bd_ale_system {
+  bd_ale_newton newton;
+  const bd_ale_kernels *kernels;
+  int *entry;      /* of the ring's unknowns in the state vector */
+  double *bends;   /* by mount, force of the belt by what the lever turns */
+  double *inertia; /* of the belt on mounts (mounts, mounts) */
+};
+
+/* --- layout ----------------------------------------------------------------------------------- */
+
+static void place_unknowns(struct bd_ale_system *own, const bd_model *model) {
+  const bd_layout *lay = &model->lay;
+  const bd_ale_drive *drive = model->drive;
+  const bd_ale_newton *newton = &own->newton;
+  const bd_ale_block *blocks = newton->ring.blocks;
+  for (int i = 0, c = 0; i < lay->np; ++i) {
+    const int j = (i + 1) % lay->np, first = c, last = c + drive->pulleys[j].cells;
+    const int span = bd_ale_first_slot(drive, i) + drive->pulleys[i].cells;
+    const int states = bd_friction_states(drive->pulleys[j].friction);
+    for (; c <= last; ++c) {
+      const int slot = c == first ? span : bd_ale_first_slot(drive, j) + c - first - 1;
+      int *cell = own->entry + blocks[newton->cell_block[slot]].at + newton->cell_at[slot];
+      int *node = own->entry + blocks[newton->node_block[slot]].at + newton->node_at[slot];
+      *cell = lay->m + c;
+      *node = lay->v + c;
+      for (int e = 0; e < 2 * states && c > first; ++e) {
+        const int of = e / states * lay->states + e % states;
+        cell[1 + e] = (int)bd_field_offset(lay, F_MU, of) + c;
+      }
+    }
+    int *modes = own->entry + blocks[newton->cell_block[span]].at + 3;
+    for (int n = 0; n < lay->modes; ++n) {
+      modes[n] = lay->a + i * lay->modes + n;
+      modes[lay->modes + n] = lay->p + i * lay->modes + n;
+    }
+  }
+}
+
+static void carve(bd_carver *carver, bd_newton_system *system, const bd_model *model) {
+  const bd_layout *lay = &model->lay;
+  struct bd_ale_system *own, sizes;
+  BD_CARVE(carver, own, 1);
+  struct bd_ale_system *to = carver->base ? own : &sizes;
+  bd_ale_newton_carve(carver, &to->newton, model->drive, lay->states);
+  const int unknowns = to->newton.ring.unknowns;
+  BD_CARVE(carver, to->entry, unknowns);
+  BD_CARVE(carver, to->bends, lay->nm);
+  BD_CARVE(carver, to->inertia, lay->nm * lay->nm);
+  system->width = BD_HALO + unknowns;
+  BD_CARVE(carver, system->x, system->width);
+  BD_CARVE(carver, system->border, bd_count_bodies(lay) * system->width);
+  if (carver->base) {
+    system->x += BD_HALO;
+    system->ale = own;
+    own->kernels = model->kernels->ale;
+    place_unknowns(own, model);
+  }
+}
+
+/* --- a linearisation, its factors ------------------------------------------------------------- */
+
+static void linearise(bd_newton_system *system, const bd_plan *plan, const double *y) {
+  struct bd_ale_system *own = system->ale;
+  bd_ale_belt *belt = plan->ale;
+  bd_ale_evaluate(plan, y);
+  bd_ale_linearise(&own->newton, &belt->ale, own->kernels, &belt->y, &belt->dy);
+  if (belt->ale.moving) {
+    bd_ale_carried(plan, own->inertia);
+    bd_ale_linearise_axes(&own->newton, &belt->ale, own->kernels, &belt->y, &belt->dy,
+                          &belt->spare);
+  }
+  for (int m = 0; m < plan->model->lay.nm; ++m) {
+    const bd_ale_arc *arc = &belt->ale.arcs[plan->model->lay.mounted[m]];
+    own->bends[m] = arc->force[0] * arc->axis.bend[0] + arc->force[1] * arc->axis.bend[1];
+  }
+}
+
+static void fill(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
+                 double *c, double mass) {
+  const bd_layout *lay = &plan->model->lay;
+  struct bd_ale_system *own = system->ale;
+  const bd_ale_newton *newton = &own->newton;
+  const int unknowns = newton->ring.unknowns;
+  (void)y, (void)h, (void)c, (void)mass;
+  system->g = own->newton.ring.g = g;
+  memset(system->border, 0, (size_t)(bd_count_bodies(lay) * system->width) * sizeof(double));
+  for (int j = 0; j < lay->np; ++j) {
+    double *column = bd_newton_border(system, bd_belt_body(lay, j));
+    system->own[j] = -g * newton->own[j];
+    for (int u = 0; u < unknowns; ++u) {
+      column[u] = -g * newton->column[j * unknowns + u];
+    }
+  }
+  for (int m = 0; m < lay->nm; ++m) {
+    double *column = bd_newton_border(system, lay->np + m);
+    const int at = lay->mounted[m] * unknowns;
+    for (int u = 0; u < unknowns; ++u) {
+      column[u] = -g * (newton->moved[0][at + u] + g * newton->moved[1][at + u]);
+    }
+  }
+}
+
+static void factor(bd_newton_system *system) {
+  system->ale->kernels->factor(&system->ale->newton.ring);
+}
+
+static void solve(const bd_newton_system *system, const bd_layout *lay, double *v) {
+  (void)lay;
+  system->ale->kernels->solve(&system->ale->newton.ring, v);
+}
+
+/* --- bodies ----------------------------------------------------------------------------------- */
+
+/* Of mount m by that of mount k; its lever's turning stands with the mount itself (mounts.c). */
+static double push_by_travel(const bd_newton_system *system, const bd_layout *lay, int m, int k) {
+  const struct bd_ale_system *own = system->ale;
+  return own->newton.push_by[1][lay->mounted[m] * lay->np + lay->mounted[k]] -
+         (m == k ? own->bends[m] : 0.0);
+}
+
+static void entries_of_bodies(const bd_newton_system *system, const bd_layout *lay, double damped,
+                              int n, double *w) {
+  const struct bd_ale_system *own = system->ale;
+  const bd_ale_newton *newton = &own->newton;
+  const int np = lay->np;
+  const double g = system->g;
+  for (int m = 0; m < lay->nm; ++m) {
+    const int axis = lay->mounted[m];
+    double *row = w + (np + m) * n;
+    for (int k = 0; k < lay->nm; ++k) {
+      const double by_speed = newton->push_by[0][axis * np + lay->mounted[k]];
+      row[np + k] += own->inertia[m * lay->nm + k] * damped -
+                     g * (by_speed + g * push_by_travel(system, lay, m, k));
+    }
+    for (int j = 0; j < np; ++j) {
+      const int body = bd_belt_body(lay, j), at = j * np + axis;
+      row[body] -= g * newton->push_by_rim[axis * np + j];
+      w[body * n + np + m] -= g * (newton->torque_by[0][at] + g * newton->torque_by[1][at]);
+    }
+  }
+}
+
+/* The row of a body, of forces by the ring's unknowns; NULL: the belt does not touch it. */
+static const double *forces_on(const bd_newton_system *system, const bd_layout *lay, int body) {
+  const bd_ale_newton *newton = &system->ale->newton;
+  const int unknowns = newton->ring.unknowns, m = body - lay->np;
+  if (m >= 0 && m < lay->nm) {
+    return newton->push + lay->mounted[m] * unknowns;
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    if (body == bd_belt_body(lay, j)) {
+      return newton->row + j * unknowns;
+    }
+  }
+  return NULL;
+}
+
+static double row(const bd_newton_system *system, const bd_plan *plan, int body, const double *v) {
+  const double *by = forces_on(system, &plan->model->lay, body);
+  double sum = 0.0;
+  for (int u = 0; by && u < system->ale->newton.ring.unknowns; ++u) {
+    sum += by[u] * v[u];
+  }
+  return -system->g * sum;
+}
+
+/* --- solutions -------------------------------------------------------------------------------- */
+
+static void product(bd_newton_system *system, const bd_plan *plan, double *c) {
+  const bd_layout *lay = &plan->model->lay;
+  const struct bd_ale_system *own = system->ale;
+  const bd_ale_newton *newton = &own->newton;
+  const int unknowns = newton->ring.unknowns, np = lay->np;
+  const double g = system->g;
+  for (int u = 0; u < unknowns; ++u) {
+    system->x[u] = g * c[own->entry[u]];
+  }
+  for (int m = 0; m < lay->nm; ++m) { /* given travels, and what the belt weighs on mounts */
+    const double moves = g * g * c[lay->travel + m];
+    const int axis = lay->mounted[m];
+    for (int u = 0; u < unknowns; ++u) {
+      system->x[u] += moves * newton->moved[1][axis * unknowns + u];
+    }
+    for (int j = 0; j < np; ++j) {
+      system->rhs[bd_belt_body(lay, j)] += moves * newton->torque_by[1][j * np + axis];
+    }
+    for (int k = 0; k < lay->nm; ++k) {
+      system->rhs[np + k] += moves * push_by_travel(system, lay, k, m) +
+                             g * own->inertia[k * lay->nm + m] * c[lay->travel_speed + m];
+    }
+  }
+}
+
+static void finish(const bd_newton_system *system, const bd_plan *plan, int n,
+                   const double *columns, const double *factors, double *c) {
+  const struct bd_ale_system *own = system->ale;
+  const int unknowns = own->newton.ring.unknowns;
+  (void)plan;
+  for (int b = 0; b < n; ++b) {
+    for (int u = 0; u < unknowns && factors[b] != 0.0; ++u) {
+      system->x[u] -= factors[b] * columns[b * system->width + u];
+    }
+  }
+  for (int u = 0; u < unknowns; ++u) {
+    c[own->entry[u]] = system->x[u];
+  }
+}
+
+static void restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
+  (void)system, (void)plan, (void)c;
+}
+
+/* --- entries of the Jacobian ------------------------------------------------------------------ */
+
+typedef struct reading {
+  bd_newton_system *system;
+  bd_plan *plan;
+  bd_entries *to;
+  double *c;
+} reading;
+
+static const double SHORT = 0x1p-200; /* s: a power of two, which costs no digit */
+
+/* What bodies are moved by, forces in system->off, by one column; those in rhs are over g^2. */
+static void put_forces(const reading *r, int column) {
+  const bd_layout *lay = &r->plan->model->lay;
+  double *force = r->system->off;
+  for (int m = 0; m < lay->nm; ++m) {
+    force[lay->np + m] = bd_freedom_of(r->plan, lay->np + m).prescribed ? 0.0 : force[lay->np + m];
+  }
+  if (lay->nm > 0) {
+    bd_ale_carry(r->plan, r->system->ale->inertia, force + lay->np);
+  }
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
+    const bd_freedom of = bd_freedom_of(r->plan, body);
+    const int is_mount = body >= lay->np && body < lay->np + lay->nm;
+    bd_newton_put(r->to, of.prescribed ? -1 : of.speed, column,
+                  force[body] / (is_mount ? 1.0 : of.inertia));
+  }
+}
+
+static void put_entry(const void *reading_, int row_, int column, double value) {
+  bd_newton_put(((const reading *)reading_)->to, row_, column, value);
+}
+
+static void put_column(const void *reading_, int state) {
+  const reading *r = reading_;
+  const bd_layout *lay = &r->plan->model->lay;
+  const struct bd_ale_system *own = r->system->ale;
+  memset(r->c, 0, lay->size * sizeof *r->c);
+  r->c[state] = 1.0;
+  bd_newton_product(r->system, r->plan, r->c);
+  for (int u = 0; u < own->newton.ring.unknowns; ++u) {
+    bd_newton_put(r->to, own->entry[u], state, r->system->x[u] / (SHORT * SHORT));
+  }
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
+    r->system->off[body] = r->system->rhs[body] / (SHORT * SHORT);
+  }
+  put_forces(r, state);
+}
+
+static void put_blocks(const reading *r) {
+  const struct bd_ale_system *own = r->system->ale;
+  const bd_ale_ring *ring = &own->newton.ring;
+  for (int b = 0; b < ring->n; ++b) {
+    const bd_ale_block *block = &ring->blocks[b];
+    const bd_ale_block *beside[3] = {&ring->blocks[(b + ring->n - 1) % ring->n], block,
+                                     &ring->blocks[(b + 1) % ring->n]};
+    const double *const parts[3] = {block->back, block->own, block->ahead};
+    for (int p = 0; p < 3; ++p) {
+      for (int k = 0; k < block->n * beside[p]->n; ++k) {
+        bd_newton_put(r->to, own->entry[block->at + k % block->n],
+                      own->entry[beside[p]->at + k / block->n], parts[p][k]);
+      }
+    }
+  }
+}
+
+static void entries(bd_newton_system *system, bd_plan *plan, double *y, double *c,
+                    struct bd_entries *to) {
+  const bd_layout *lay = &plan->model->lay;
+  const struct bd_ale_system *own = system->ale;
+  const reading r = {system, plan, to, c};
+  const int unknowns = own->newton.ring.unknowns, bodies = bd_count_bodies(lay);
+  fill(system, plan, y, SHORT, 0.0, NULL, 0.0);
+  put_blocks(&r);
+  for (int j = 0; j < lay->np; ++j) {
+    bd_newton_put(to, lay->theta + j, lay->omega + j, 1.0);
+  }
+  for (int u = 0; u < unknowns; ++u) {
+    for (int body = 0; body < bodies; ++body) {
+      const double *by = forces_on(system, lay, body);
+      system->off[body] = by ? by[u] : 0.0;
+    }
+    put_forces(&r, own->entry[u]);
+  }
+  bd_newton_bodies(system, plan, SHORT, 0.0);
+  for (int body = 0; body < bodies; ++body) {
+    const int column = bd_freedom_of(plan, body).speed;
+    for (int u = 0; u < unknowns; ++u) {
+      bd_newton_put(to, own->entry[u], column, -bd_newton_border(system, body)[u] / SHORT);
+    }
+    for (int k = 0; k < bodies; ++k) {
+      system->off[k] = -system->of_bodies[k * bodies + body] / SHORT;
+    }
+    put_forces(&r, column);
+  }
+  const bd_state_entries states = {put_entry, put_column, &r};
+  for (int k = 0; k < plan->n_effects; ++k) {
+    if (plan->effects[k]->states) {
+      plan->effects[k]->states(&system->at, lay, &states);
+    }
+  }
+}
+
+const bd_newton_belt bd_newton_ale = {.carve = carve,
+                                      .linearise = linearise,
+                                      .fill = fill,
+                                      .factor = factor,
+                                      .solve = solve,
+                                      .row = row,
+                                      .bodies = entries_of_bodies,
+                                      .product = product,
+                                      .finish = finish,
+                                      .restore = restore,
+                                      .entries = entries};

@@ -1,0 +1,71 @@
+"""The ALE belt of the core, by its Python interface, against its oracle and against links.
+
+The kernels themselves are held to the oracle by tests/c/test_ale.c; here it is what the row of the
+table of belt models makes of them: states in and out, bodies, effects, linear systems, runs.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import ale_reference_run as runs
+import attrs
+import numpy as np
+import pytest
+from ale_reference import Ale
+from drives import crossed_scene, idler_scene, scene_m, scene_u
+from test_ale_reference import ale_of
+
+import beltdyn as bd
+
+
+def flowing(params: bd.Params, n_bodies: int = 50) -> bd.Params:
+    """The same drive with an ALE belt of about so many cells."""
+    return attrs.evolve(params, belt=attrs.evolve(params.belt, mesh="ale", n_bodies=n_bodies))
+
+
+def oracle_of(params: bd.Params, **changes: Any) -> Ale:
+    """The oracle on the mesh of the core."""
+    n_p = len(params.pulleys)
+    arcs = float(np.dot(params.route.wraps, [pulley.radius for pulley in params.pulleys]))
+    model = ale_of(params, cell=arcs / (params.belt.n_bodies - 2 * n_p), **changes)
+    assert model.n == params.info["n_bodies"]
+    return model
+
+
+def state_of(model: Ale, y: np.ndarray, **changes: Any) -> bd.State:
+    """A state of the oracle as one of the core."""
+    part = {name: model.get(y, name) for name in ("m", "v", "z", "a", "p", "theta", "omega")}
+    z = np.zeros((2, model.n_z, model.n))
+    z[:, :, model.arcs] = part["z"].swapaxes(0, 1)
+    return bd.State(
+        m=part["m"], v=part["v"], mu=z.reshape(-1, model.n), a=part["a"].ravel(),
+        p=part["p"].ravel(), theta=part["theta"], omega=part["omega"], **changes,
+    )  # fmt: skip
+
+
+def displaced(model: Ale, speed: float, seed: int = 1, amplitude: float = 0.05) -> np.ndarray:
+    """Off a steady state at this speed of pulley 0 by a share of what errors are measured by."""
+    rng = np.random.default_rng(seed)
+    scale, y = runs.scales(model), runs.at_speed(model, speed)
+    off = amplitude * scale * rng.normal(size=model.size)
+    for name in ("theta", "works"):
+        off[model.layout[name][0]] = 0.0
+    where, shape = model.layout["z"]
+    off[where] = (rng.uniform(-0.6, 0.6, size=shape) * model.get(scale, "z")).ravel()
+    return np.asarray(y + off)
+
+
+@pytest.mark.parametrize("speed", [-63.0, 0.0, 63.0])
+@pytest.mark.parametrize("scene", [scene_u, scene_m, crossed_scene, idler_scene])
+def test_its_rate_is_that_of_the_oracle(scene: Any, speed: float) -> None:
+    """In both directions and about rest, wherever the belt lies."""
+    params = flowing(scene().params)
+    model = oracle_of(params)
+    y = displaced(model, speed)
+    rate, state = model.rate(0.0, y), state_of(model, y)
+    core = params._model.rate(state._to_core(params), np.zeros(len(params.pulleys)))
+    expected = state_of(model, rate)
+    for name in ("m", "v", "mu", "a", "p", "omega"):
+        ours, theirs = np.ravel(core[name]), np.ravel(getattr(expected, name))
+        np.testing.assert_allclose(ours, theirs, atol=1e-11 * np.abs(theirs).max(), err_msg=name)
