@@ -639,6 +639,7 @@ const bd_belt_model bd_belt_ale = {
               .nodes = "cells",
               .note = "",
               .model = BD_BELT_AUTO,
+              .flows = 1,
               .bends = 1,
               .mounts = 1,
               .smooth = 1,
