@@ -193,6 +193,7 @@ def test_model_info(model):
         "n_couplings",
         "n_slots",
         "n_states",
+        "n_modes",
         "winding",
     }
     assert {name for name, value in info.items() if isinstance(value, int)} == integers

@@ -14,15 +14,6 @@ int bd_ale_cells(double arc, double longest) {
   return half > 3 ? 2 * half : 6;
 }
 
-void bd_ale_carve_drive(bd_carver *carver, bd_ale_drive **drive, int np) {
-  bd_ale_pulley *pulleys;
-  BD_CARVE(carver, *drive, 1);
-  BD_CARVE(carver, pulleys, np);
-  if (carver->base) {
-    **drive = (bd_ale_drive){.np = np, .pulleys = pulleys};
-  }
-}
-
 /* A slab has a node and a cell to copy behind its own. */
 static int slots_of(int cells) {
   return (cells + 3 + BD_LANES - 1) / BD_LANES * BD_LANES;

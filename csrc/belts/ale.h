@@ -26,8 +26,6 @@ struct bd_ale_drive {
 
 /* Cells of an arc, none longer than this: an even number, 6 at least. */
 int bd_ale_cells(double arc, double longest);
-/* Memory of a drive of a model, with its pulleys. */
-void bd_ale_carve_drive(bd_carver *carver, bd_ale_drive **drive, int np);
 /* Where the slab of arc j begins; of the number of arcs, how many slots there are. */
 int bd_ale_first_slot(const bd_ale_drive *drive, int j);
 void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive);

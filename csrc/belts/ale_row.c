@@ -9,12 +9,20 @@
 #include <math.h>
 #include <string.h>
 
-#include "belts/ale.h"
 #include "belts/belts.h"
 
 /* --- the model's part ------------------------------------------------------------------------- */
 
 enum { MODES = 2 }; /* of a span */
+
+static void carve_drive(bd_carver *carver, bd_ale_drive **drive, int np) {
+  bd_ale_pulley *pulleys;
+  BD_CARVE(carver, *drive, 1);
+  BD_CARVE(carver, pulleys, np);
+  if (carver->base) {
+    **drive = (bd_ale_drive){.np = np, .pulleys = pulleys};
+  }
+}
 
 /* Some n_bodies cells: one of each span, and of an arc, on average, one more than its part, for
  * their number is even. */
@@ -654,6 +662,7 @@ const bd_belt_model bd_belt_ale = {
     .newton = &bd_newton_ale,
     .joints_text = {"belt that flows through its mesh",
                     "belt that flows through its mesh, bending"},
+    .carve_drive = carve_drive,
     .shape = shape,
     .weigh = weigh,
     .set_going = set_going,

@@ -5,6 +5,7 @@
 #ifndef BELTDYN_BELTS_H
 #define BELTDYN_BELTS_H
 
+#include "belts/ale.h"
 #include "physics/physics.h"
 
 #define X(symbol) extern const bd_belt_model bd_belt_##symbol;

@@ -13,7 +13,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "belts/ale.h"
 #include "model/model.h"
 
 /* Parameters that are pairs of numbers, and so no rows of the table. */
@@ -213,8 +212,9 @@ static void carve(bd_carver *carver, bd_model *model, const bd_scene *scene, int
   BD_CARVE(carver, model->winding, np);
   BD_CARVE(carver, model->name, np);
   BD_CARVE(carver, model->wraps, np);
-  if (scene->belt.mesh == BD_MESH_ALE) {
-    bd_ale_carve_drive(carver, &model->drive, np);
+  const bd_belt_model *belt = bd_belt_model_of(&scene->belt);
+  if (belt->carve_drive) {
+    belt->carve_drive(carver, &model->drive, np);
   }
   bd_model_carve_mounts(carver, model, scene);
   bd_model_carve_couplings(carver, model, scene);

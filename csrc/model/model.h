@@ -166,6 +166,8 @@ struct bd_belt_model {
   const bd_newton_belt *newton; /* its part of linear systems (solvers/solvers.h) */
   const char *joints_text[2];   /* for result.effects, without bending and with */
   /* --- the model's: the way into a run and out of it */
+  /* What a model of np pulleys keeps for it; NULL: nothing. */
+  void (*carve_drive)(bd_carver *carver, bd_ale_drive **drive, int np);
   /* Once the belt line is laid, or could not be: how many cells there are (lay.n; NULL: n_bodies
    * nodes), and what else follows. Returns the length of the shortest. */
   double (*shape)(bd_model *model);

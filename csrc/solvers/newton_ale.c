@@ -10,7 +10,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "belts/ale.h"
 #include "solvers/solvers.h"
 
 struct bd_ale_system {
