@@ -283,8 +283,9 @@ static void put_blocks(const reading *r) {
     const double *const parts[3] = {block->back, block->own, block->ahead};
     for (int p = 0; p < 3; ++p) {
       for (int k = 0; k < block->n * beside[p]->n; ++k) {
-        bd_newton_put(r->to, own->entry[block->at + k % block->n],
-                      own->entry[beside[p]->at + k / block->n], parts[p][k]);
+        const int at = k % block->n, column = k / block->n;
+        bd_newton_put(r->to, own->entry[block->at + at], own->entry[beside[p]->at + column],
+                      parts[p][column * block->lead + at]);
       }
     }
   }
