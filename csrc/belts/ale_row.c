@@ -443,6 +443,65 @@ static int after_step(bd_plan *plan, double t, double *y, double tolerance, int 
   return BD_OK;
 }
 
+/* --- errors ----------------------------------------------------------------------------------- */
+
+/* Groups of unknowns, none of which may err by more than is asked, however many others there are.
+ */
+enum { OF_ARCS, OF_SPANS, OF_MODES, OF_BODIES, GROUPS };
+
+typedef struct errors {
+  const bd_step_sum *of;
+  double sum[GROUPS], count[GROUPS];
+} errors;
+
+static void add_error(errors *at, int group, size_t entry, double counts) {
+  double off = 0.0;
+  for (int j = 0; j < at->of->m; ++j) {
+    off += at->of->a[j] * at->of->k[j][entry];
+  }
+  off *= at->of->h * at->of->weights[entry];
+  at->sum[group] += counts * off * off;
+  at->count[group] += counts;
+}
+
+/* States of friction count by what of the normal force acts there: where nothing does, they are 0
+ * after each step. */
+static double error(const bd_plan *plan, const bd_step_sum *of) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_ale *ale = &plan->ale->ale;
+  errors at = {.of = of};
+  for (int i = 0, c = 0; i < lay->np; ++i) {
+    const bd_ale_arc *arc = &ale->arcs[ale->arcs[i].next];
+    add_error(&at, OF_SPANS, (size_t)(lay->m + c), 1.0);
+    add_error(&at, OF_SPANS, (size_t)(lay->v + c), 1.0);
+    for (int k = 0; k < arc->n; ++k) {
+      ++c;
+      add_error(&at, OF_ARCS, (size_t)(lay->m + c), 1.0);
+      add_error(&at, k > 0 ? OF_ARCS : OF_SPANS, (size_t)(lay->v + c), 1.0);
+      for (int e = 0; e < 2 * arc->states; ++e) {
+        const int end = e / arc->states, row = end * lay->states + e % arc->states;
+        const double *share = end == 0 ? ale->share_a : ale->share_b;
+        add_error(&at, OF_ARCS, bd_field_offset(lay, F_MU, row) + (size_t)c,
+                  fmin(1.0, share[arc->begin + k]));
+      }
+    }
+    ++c;
+  }
+  for (int k = 0; k < lay->n_modes; ++k) {
+    add_error(&at, OF_MODES, (size_t)(lay->a + k), 1.0);
+    add_error(&at, OF_MODES, (size_t)(lay->p + k), 1.0);
+  }
+  for (size_t k = (size_t)lay->theta; k < (size_t)lay->a; ++k) {
+    add_error(&at, OF_BODIES, k, of->weights[k] > 0.0 ? 1.0 : 0.0);
+  }
+  double most = 0.0, all = 0.0;
+  for (int group = 0; group < GROUPS; ++group) {
+    most = fmax(most, at.count[group] > 0.0 ? at.sum[group] / at.count[group] : 0.0);
+    all += at.sum[group];
+  }
+  return isfinite(all) ? sqrt(most) : (double)INFINITY;
+}
+
 /* --- outputs ---------------------------------------------------------------------------------- */
 
 /* All cells; of a span's those that its mesh has not. */
@@ -680,6 +739,7 @@ const bd_belt_model bd_belt_ale = {
     .begin = begin,
     .after_step = after_step,
     .rebase = rebase,
+    .error = error,
     .push = push,
     .contact_outputs = contact_outputs,
     .rounding = rounding,

@@ -158,6 +158,15 @@ typedef struct bd_contact_rounding {
   int least; /* node */
 } bd_contact_rounding;
 
+/* h sum a[j] k[j] of m vectors laid out as states, over what errors are measured by. */
+typedef struct bd_step_sum {
+  double h;
+  int m;
+  const double *a;
+  double *const *k;
+  const double *weights;
+} bd_step_sum;
+
 /* A belt model, a row of the table in belts/belts.c: another one is another file there, the kernels
  * that it names, and a row. Functions are of whole belts but for two that steps do not ask, of a
  * state that is read and of samples; what is done for every node in every step is in kernels. */
@@ -216,6 +225,8 @@ struct bd_belt_model {
   void (*begin)(bd_plan *plan, double *y);
   int (*after_step)(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                     bd_error *err);
+  /* A norm of it; NULL: the largest (bd_kernels.error_norm). */
+  double (*error)(const bd_plan *plan, const bd_step_sum *of);
   /* What that last did to a state, to one before it; NULL: what friction has been reset. */
   void (*rebase)(const bd_plan *plan, double *y);
   /* Torque of friction on the rim of pulley j, and the force of its contact on the belt, friction

@@ -484,6 +484,8 @@ void bd_plan_near(const bd_plan *plan, const double *y, int j, int n_runs, const
 const double *bd_plan_distances(const bd_plan *plan, const double *y, int j);
 /* What of the effects a step has not seen, the largest. */
 double bd_plan_unseen(const bd_plan *plan, const bd_step *step);
+/* Its norm, infinite if any of it is not finite. */
+double bd_plan_error(const bd_plan *plan, const bd_step_sum *of);
 /* What the effects make of y after a step. */
 int bd_plan_after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                        bd_error *err);

@@ -138,6 +138,12 @@ double bd_plan_unseen(const bd_plan *plan, const bd_step *step) {
   return most;
 }
 
+double bd_plan_error(const bd_plan *plan, const bd_step_sum *of) {
+  return plan->model->belt_model->error ? plan->model->belt_model->error(plan, of)
+                                        : plan->kernels->error_norm(&plan->model->lay, of->h, of->m,
+                                                                    of->a, of->k, of->weights);
+}
+
 bd_freedom bd_freedom_of(const bd_plan *plan, int body) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;

@@ -110,8 +110,8 @@ static int call(bd_stepper *stepper, const pass *p) {
     break;
   case ERROR:
     terms = !method->implicit ? method->vectors : method->history > 0 ? 3 : 1;
-    code = plan->kernels->error_norm(lay, stepper->h, terms, weights, stepper->stage,
-                                     stepper->weights) >= 0.0
+    code = bd_plan_error(plan, &(bd_step_sum){stepper->h, terms, weights, stepper->stage,
+                                              stepper->weights}) >= 0.0
                ? BD_OK
                : BD_ERR_NOT_FINITE;
     break;

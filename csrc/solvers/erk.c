@@ -26,7 +26,8 @@ int bd_erk_attempt(bd_stepper *stepper, double h, double *error) {
     row += s;
   }
   if (code == BD_OK) {
-    *error = kernels->error_norm(lay, h, m->stages, m->error, stepper->stage, stepper->weights);
+    *error = bd_plan_error(
+        &stepper->plan, &(bd_step_sum){h, m->stages, m->error, stepper->stage, stepper->weights});
   }
   /* tsit5's last stages stand together: of a force that begins within 0.3 and 0.7 h, and rises, the
    * step has up to 0.17 too much or too little, and the estimate 0.01 of it on average */

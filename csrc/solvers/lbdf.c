@@ -73,17 +73,17 @@ static int attempt(bd_stepper *stepper, double h, double *error) {
   const double one = 1.0;
   kernels->combine(lay->size, stepper->y_new, stepper->y, 1.0, 1, &one, &d);
   if (stepper->n_history < order) {
-    *error = kernels->error_norm(lay, 0.0, 1, &one, &d, stepper->weights); /* finite or not */
+    *error = bd_plan_error(&stepper->plan, /* finite or not */
+                           &(bd_step_sum){0.0, 1, &one, &d, stepper->weights});
     *error = fmax(*error, bd_implicit_hidden_error(stepper, h, g, stepper->y_new));
     return BD_OK;
   }
   const double local = order > 1 ? (1.0 + w) * (1.0 + w) / (w * (1.0 + 2.0 * w)) : 1.0;
   double weights[MAX_HISTORY + 2];
   differences(stepper, h, order + 1, weights);
-  *error = kernels->error_norm(
-      lay, local, order + 2, weights,
-      (double *[]){stepper->y_new, stepper->y, stepper->history[0], stepper->history[1]},
-      stepper->weights);
+  double *const states[] = {stepper->y_new, stepper->y, stepper->history[0], stepper->history[1]};
+  *error = bd_plan_error(&stepper->plan,
+                         &(bd_step_sum){local, order + 2, weights, states, stepper->weights});
   *error = fmax(*error, bd_implicit_hidden_error(stepper, h, g, stepper->y_new));
   return BD_OK;
 }

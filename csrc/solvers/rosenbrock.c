@@ -57,7 +57,7 @@ int bd_rosenbrock_attempt(bd_stepper *stepper, double h, double *error) {
   if (code == BD_OK) {
     double *last = u[m->stages - 1];
     kernels->combine(size, stepper->y_new, stepper->y_mid, 1.0, 1, &one, &last);
-    *error = kernels->error_norm(&stepper->model->lay, 1.0, 1, &one, &last, stepper->weights);
+    *error = bd_plan_error(&stepper->plan, &(bd_step_sum){1.0, 1, &one, &last, stepper->weights});
     *error = fmax(*error, bd_implicit_hidden_error(stepper, h, m->gamma * h, stepper->y_mid));
   }
   return code;
