@@ -6,6 +6,7 @@ table of belt models makes of them: states in and out, bodies, effects, linear s
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import ale_reference_run as runs
@@ -69,3 +70,34 @@ def test_its_rate_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     for name in ("m", "v", "mu", "a", "p", "omega"):
         ours, theirs = np.ravel(core[name]), np.ravel(getattr(expected, name))
         np.testing.assert_allclose(ours, theirs, atol=1e-11 * np.abs(theirs).max(), err_msg=name)
+
+
+def core_places(model: Ale, params: bd.Params) -> np.ndarray:
+    """Of each unknown of the core, in its order, that of the oracle; -1: it has none."""
+    numbered = state_of(model, 1.0 + np.arange(model.size))
+    core = numbered._to_core(params)
+    return np.concatenate([core[row[0]] for row in bd._core.STATE_FIELDS]).astype(int) - 1
+
+
+@pytest.mark.parametrize("speed", [-63.0, 63.0])
+@pytest.mark.parametrize("scene", [scene_u, idler_scene])
+def test_its_jacobian_is_that_of_the_oracle(scene: Any, speed: float) -> None:
+    """Entries times the scales of errors, with W held, against central differences. What speeds
+    do to the length of an arc's cell, by v^2, is left out: 1e-5 to 1e-3 of the rest."""
+    params = flowing(scene().params, 40)
+    model = oracle_of(params)
+    y, scale = displaced(model, speed, amplitude=0.01), runs.scales(model)
+    share = model.axial(y, model.geometry(0.0, y)).share
+    model = dataclasses.replace(model, held=share)
+    at = core_places(model, params)
+    rows, columns, values = params._model.jacobian(state_of(model, y)._to_core(params))
+    ours = np.zeros((at.size, at.size))
+    np.add.at(ours, (rows, columns), values)
+    assert np.all(ours[at < 0] == 0.0) and np.all(ours[:, at < 0] == 0.0)
+    theirs = np.asarray(runs.jacobian(model, 0.0, y, central=True))
+    ours, theirs = ours[at >= 0][:, at >= 0], theirs[at[at >= 0]][:, at[at >= 0]]
+    scale = scale[at[at >= 0]]
+    ours, theirs = (one * scale / scale[:, None] for one in (ours, theirs))
+    largest = np.abs(theirs).max(axis=1, keepdims=True)
+    off = np.abs(ours - theirs) / np.maximum(largest, 1e-300)
+    assert off.max() < 2e-3, np.argwhere(off >= 2e-3)[:10]
