@@ -37,12 +37,33 @@ def oracle_of(params: bd.Params, **changes: Any) -> Ale:
 def state_of(model: Ale, y: np.ndarray, **changes: Any) -> bd.State:
     """A state of the oracle as one of the core."""
     part = {name: model.get(y, name) for name in ("m", "v", "z", "a", "p", "theta", "omega")}
+    mounts = {"travel": "q", "travel_speed": "dq", "mount_friction": "zeta"}
+    changes |= {name: model.get(y, other) for name, other in mounts.items() if model.n_m}
     z = np.zeros((2, model.n_z, model.n))
     z[:, :, model.arcs] = part["z"].swapaxes(0, 1)
     return bd.State(
         m=part["m"], v=part["v"], mu=z.reshape(-1, model.n), a=part["a"].ravel(),
         p=part["p"].ravel(), theta=part["theta"], omega=part["omega"], **changes,
     )  # fmt: skip
+
+
+def sliding_scene() -> bd.Scene:
+    """U with both pulleys on sliders, which share the inertia of two spans, one with friction."""
+    plain = scene_u()
+    first, last = plain.params.pulleys
+    slider = bd.Slider(direction=(-1.0, 0.2), mass=0.3, stiffness=2e5, preload=640.0, damping=50.0)
+    other = bd.Slider(
+        direction=(1.0, 0.3), mass=0.4, stiffness=2e4, preload=640.0, damping=50.0, friction=20.0
+    )
+    pulleys = [attrs.evolve(first, mount=slider), attrs.evolve(last, mount=other)]
+    belt = attrs.evolve(plain.params.belt, mesh="joint")
+    params = attrs.evolve(
+        plain.params, belt=belt, pulleys=pulleys, gravity=(0.0, -9.81), tensioning=bd.Tensioning()
+    )
+    return plain._replace(params=params)
+
+
+MOUNTED = [bd.scenes.tensioned_alternator, bd.scenes.serpentine, sliding_scene]
 
 
 def displaced(model: Ale, speed: float, seed: int = 1, amplitude: float = 0.05) -> np.ndarray:
@@ -58,16 +79,17 @@ def displaced(model: Ale, speed: float, seed: int = 1, amplitude: float = 0.05) 
 
 
 @pytest.mark.parametrize("speed", [-63.0, 0.0, 63.0])
-@pytest.mark.parametrize("scene", [scene_u, scene_m, crossed_scene, idler_scene])
+@pytest.mark.parametrize("scene", [scene_u, scene_m, crossed_scene, idler_scene, *MOUNTED])
 def test_its_rate_is_that_of_the_oracle(scene: Any, speed: float) -> None:
-    """In both directions and about rest, wherever the belt lies."""
-    params = flowing(scene().params)
+    """In both directions and about rest, wherever the belt lies, axes that move included."""
+    params = flowing(scene().params, 50 if scene not in MOUNTED else 70)
     model = oracle_of(params)
     y = displaced(model, speed)
     rate, state = model.rate(0.0, y), state_of(model, y)
     core = params._model.rate(state._to_core(params), np.zeros(len(params.pulleys)))
     expected = state_of(model, rate)
-    for name in ("m", "v", "mu", "a", "p", "omega"):
+    moves = ("travel", "travel_speed", "mount_friction") if model.n_m else ()
+    for name in ("m", "v", "mu", "a", "p", "omega", *moves):
         ours, theirs = np.ravel(core[name]), np.ravel(getattr(expected, name))
         np.testing.assert_allclose(ours, theirs, atol=1e-11 * np.abs(theirs).max(), err_msg=name)
 
@@ -80,11 +102,11 @@ def core_places(model: Ale, params: bd.Params) -> np.ndarray:
 
 
 @pytest.mark.parametrize("speed", [-63.0, 63.0])
-@pytest.mark.parametrize("scene", [scene_u, idler_scene])
+@pytest.mark.parametrize("scene", [scene_u, idler_scene, *MOUNTED])
 def test_its_jacobian_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     """Entries times the scales of errors, with W held, against central differences. What speeds
     do to the length of an arc's cell, by v^2, is left out: 1e-5 to 1e-3 of the rest."""
-    params = flowing(scene().params, 40)
+    params = flowing(scene().params, 40 if scene not in MOUNTED else 60)
     model = oracle_of(params)
     y, scale = displaced(model, speed, amplitude=0.01), runs.scales(model)
     share = model.axial(y, model.geometry(0.0, y)).share

@@ -107,6 +107,7 @@ typedef struct bd_ale_belt {
   bd_ale_state y, dy, spare;
   int *slot;                 /* of cells, as the state vector has them */
   double *carried, *inertia; /* (mounts, mounts) */
+  double *forces;            /* (2, mounts), at rest */
 } bd_ale_belt;
 
 /* Between state vectors and slabs. */
@@ -114,10 +115,23 @@ void bd_ale_read(const bd_plan *plan, const double *y, const bd_ale_state *slabs
 void bd_ale_write(const bd_plan *plan, const bd_ale_state *slabs, double *y);
 /* The rate at y, axes where the plan has them. */
 void bd_ale_evaluate(const bd_plan *plan, const double *y);
+/* The same, with forces on axes that stand. */
+const bd_ale *bd_ale_look(const bd_plan *plan, const double *y);
+/* Axes where the plan has them, speeds of rims, laws of friction that the plan has. */
+void bd_ale_put_axes(const bd_plan *plan, const double *y);
 /* Inertia of the belt on mounts (mounts, mounts), at the last rate. */
 void bd_ale_carried(const bd_plan *plan, double *matrix);
 /* Accelerations of mounts from what moves them, by their own inertia and this of the belt. */
 void bd_ale_carry(const bd_plan *plan, const double *inertia, double *q);
+
+/* --- ale_start.c ------------------------------------------------------------------------------ */
+
+/* A positive definite matrix (n, n), which is lost; right-hand side in, solution out. */
+void bd_ale_solve_mounts(int n, double *a, double *x);
+/* Functions of the row: running along itself with the same flow everywhere; at rest, or at a speed.
+ */
+void bd_ale_set_going(const bd_plan *plan, double *y, double speed);
+int bd_ale_rest(const bd_plan *plan, double speed, double *y, bd_error *err);
 
 bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y);
 bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y);

@@ -42,7 +42,7 @@ static void difference(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels 
   bd_ale_arc *arc = &ale->arcs[j];
   const bd_ale_axis kept = arc->axis;
   const double lever = hypot(kept.lever[0], kept.lever[1]);
-  const double h = (of == 0 ? 1e-4 * sqrt(ale->rest / ale->density) : 1e-6 * arc->radius) / lever;
+  const double h = (of == 0 ? 1e-6 * sqrt(ale->rest / ale->density) : 1e-6 * arc->radius) / lever;
   double *column = newton->moved[of] + j * unknowns, *torque = newton->torque_by[of] + j;
   double *push = newton->push_by[of] + j;
   for (int k = 0; k < np; ++k) {

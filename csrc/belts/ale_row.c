@@ -95,6 +95,7 @@ static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   BD_CARVE(carver, to->slot, model->lay.n);
   BD_CARVE(carver, to->carried, model->lay.nm * model->lay.nm);
   BD_CARVE(carver, to->inertia, model->lay.nm * model->lay.nm);
+  BD_CARVE(carver, to->forces, 2 * model->lay.nm);
   /* W is that of the last step; states follow from how it changes */
   bd_keep(carver, (bd_kept){BD_KEPT_BEHIND, &to->ale.share_a,
                             (size_t)to->ale.slots * sizeof(double), 0, 0});
@@ -184,7 +185,7 @@ void bd_ale_write(const bd_plan *plan, const bd_ale_state *slabs, double *y) {
 /* --- a rate ----------------------------------------------------------------------------------- */
 
 /* Axes where the plan has them, speeds of rims, laws of friction that the plan has. */
-static void put_axes(const bd_plan *plan, const double *y) {
+void bd_ale_put_axes(const bd_plan *plan, const double *y) {
   const bd_layout *lay = &plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
     bd_ale_arc *arc = &plan->ale->ale.arcs[j];
@@ -207,13 +208,13 @@ static void put_axes(const bd_plan *plan, const double *y) {
 
 void bd_ale_evaluate(const bd_plan *plan, const double *y) {
   bd_ale_belt *belt = plan->ale;
-  put_axes(plan, y);
+  bd_ale_put_axes(plan, y);
   bd_ale_read(plan, y, &belt->y);
   bd_ale_rate(&belt->ale, belt->kernels, &belt->y, &belt->dy);
 }
 
 /* The same, with forces on axes that stand. */
-static const bd_ale *look(const bd_plan *plan, const double *y) {
+const bd_ale *bd_ale_look(const bd_plan *plan, const double *y) {
   bd_ale *ale = &plan->ale->ale;
   const int moving = ale->moving;
   ale->moving = 1;
@@ -270,7 +271,6 @@ void bd_ale_carried(const bd_plan *plan, double *matrix) {
   }
 }
 
-/* Positive definite: no pivots are sought. */
 void bd_ale_carry(const bd_plan *plan, const double *inertia, double *q) {
   const int nm = plan->model->lay.nm;
   double *a = plan->ale->carried;
@@ -282,21 +282,7 @@ void bd_ale_carry(const bd_plan *plan, const double *inertia, double *q) {
     }
     a[m * nm + m] += moves ? plan->mount_inertia[m] : 1.0;
   }
-  for (int m = 0; m < nm; ++m) {
-    for (int k = m + 1; k < nm; ++k) {
-      const double factor = a[k * nm + m] / a[m * nm + m];
-      for (int l = m; factor != 0.0 && l < nm; ++l) {
-        a[k * nm + l] -= factor * a[m * nm + l];
-      }
-      q[k] -= factor * q[m];
-    }
-  }
-  for (int m = nm - 1; m >= 0; --m) {
-    for (int k = m + 1; k < nm; ++k) {
-      q[m] -= a[m * nm + k] * q[k];
-    }
-    q[m] /= a[m * nm + m];
-  }
+  bd_ale_solve_mounts(nm, a, q);
 }
 
 static void carry(const bd_plan *plan, double *dy) {
@@ -428,7 +414,7 @@ static int after_step(bd_plan *plan, double t, double *y, double tolerance, int 
                       bd_error *err) {
   bd_ale_belt *belt = plan->ale;
   bd_mounts_put(plan, y);
-  put_axes(plan, y);
+  bd_ale_put_axes(plan, y);
   bd_ale_read(plan, y, &belt->y);
   if (belt->ale.moving) {
     belt->kernels->place(&belt->ale);
@@ -508,7 +494,7 @@ static double error(const bd_plan *plan, const bd_step_sum *of) {
 static void joints_at(const bd_plan *plan, const double *y, const double *co, const double *si,
                       bd_joint *out) {
   const bd_model *model = plan->model;
-  const bd_ale *ale = look(plan, y);
+  const bd_ale *ale = bd_ale_look(plan, y);
   (void)co, (void)si;
   for (int c = 0; c < model->lay.n; ++c) {
     const int k = plan->ale->slot[c];
@@ -519,7 +505,7 @@ static void joints_at(const bd_plan *plan, const double *y, const double *co, co
 }
 
 static double push(const bd_plan *plan, const double *y, int j, double force[2]) {
-  const bd_ale_arc *arc = &look(plan, y)->arcs[j];
+  const bd_ale_arc *arc = &bd_ale_look(plan, y)->arcs[j];
   force[0] = -arc->force[0];
   force[1] = -arc->force[1];
   return arc->torque;
@@ -541,7 +527,7 @@ static void rubbing(const bd_ale *ale, int j, int slot, double out[4]) {
 static void contact_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
   const bd_layout *lay = &plan->model->lay;
   const size_t n = (size_t)lay->n, np = (size_t)lay->np;
-  const bd_ale *ale = look(plan, y);
+  const bd_ale *ale = bd_ale_look(plan, y);
   double swings = 0.0;
   for (int i = 0, c = 0; i < lay->np; ++i) {
     const int j = ale->arcs[i].next, last = c + ale->arcs[j].n;
@@ -621,7 +607,7 @@ static double weighs(const bd_plan *plan, const bd_ale *ale) {
 
 static void energy(const bd_plan *plan, const double *y, const bd_joint *unused,
                    double terms[BD_N_ENERGY]) {
-  const bd_ale *ale = look(plan, y);
+  const bd_ale *ale = bd_ale_look(plan, y);
   const bd_ale_energy has = bd_ale_energy_of(ale, &plan->ale->y);
   (void)unused;
   terms[BD_ENERGY_kinetic] += has.kinetic + has.lateral;
@@ -644,7 +630,7 @@ static int turns(const bd_plan *plan, const double *y, int j) {
 
 /* Of stretches, on cells of one length. */
 static double apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v) {
-  const bd_ale *one = look(plan, y), *two = look(other, v);
+  const bd_ale *one = bd_ale_look(plan, y), *two = bd_ale_look(other, v);
   const double length = plan->model->info.link_length;
   double sum = 0.0;
   for (int c = 0; c < plan->model->lay.n; ++c) {
@@ -653,49 +639,6 @@ static double apart(const bd_plan *plan, const double *y, const bd_plan *other, 
     sum += off * off;
   }
   return sum;
-}
-
-/* --- starts ----------------------------------------------------------------------------------- */
-
-/* The same flow everywhere. */
-static void set_going(const bd_plan *plan, double *y, double speed) {
-  const bd_layout *lay = &plan->model->lay;
-  const bd_ale *ale = look(plan, y);
-  const double flow = speed / ale->spans[0].stretch;
-  double *v = bd_field(lay, y, F_V);
-  for (int c = 0; c < lay->n; ++c) {
-    v[c] = flow / ale->per_stretch[plan->ale->slot[c]];
-  }
-  for (int k = 0; k < lay->n_modes; ++k) {
-    y[lay->p + k] = ale->spans[k / lay->modes].moved[k % lay->modes];
-  }
-}
-
-static int rest(const bd_plan *plan, double speed, double *y, bd_error *err) {
-  const bd_model *model = plan->model;
-  const bd_layout *lay = &model->lay;
-  bd_ale_belt *belt = plan->ale;
-  memset(y, 0, lay->size * sizeof *y);
-  for (int m = 0; m < lay->nm; ++m) {
-    y[lay->travel + m] = model->mounts[m].rest;
-  }
-  bd_mounts_put(plan, y);
-  put_axes(plan, y);
-  bd_ale_read(plan, y, &belt->y);
-  belt->kernels->place(&belt->ale);
-  if (!isfinite(bd_ale_start(&belt->ale, model->belt.length, speed, &belt->y))) {
-    return bd_fail(err, BD_ERR_NOT_SETTLED, "settle",
-                   "no tension was found in which the belt runs at %g m/s: take mesh=\"joint\"",
-                   speed);
-  }
-  bd_ale_write(plan, &belt->y, y);
-  for (int j = 0; j < lay->np; ++j) {
-    y[lay->omega + j] = y[lay->rim[j]] = belt->ale.arcs[j].axis.omega;
-  }
-  for (int c = 0; c < lay->nc; ++c) { /* rings turn with their pulleys */
-    y[lay->rim_speed + c] = y[lay->omega + lay->coupled[c]];
-  }
-  return BD_OK;
 }
 
 const bd_belt_model bd_belt_ale = {
@@ -724,8 +667,8 @@ const bd_belt_model bd_belt_ale = {
     .carve_drive = carve_drive,
     .shape = shape,
     .weigh = weigh,
-    .set_going = set_going,
-    .rest = rest,
+    .set_going = bd_ale_set_going,
+    .rest = bd_ale_rest,
     .carve = carve,
     .joints = joints,
     .fall = fall,

@@ -252,7 +252,7 @@ int bd_mount_check(const bd_scene *scene, int j, bd_error *err) {
   snprintf(label, sizeof label, "pulleys[%d].mount", j);
   if (belt && !belt->facts.mounts) {
     return bd_fail_at(err, BD_ERR_PARAMETER, label, (double)NAN, -1, j, (double)NAN,
-                      "%s: a pulley with a mount needs belt.mesh \"joint\"", label);
+                      "%s: a pulley with a mount needs belt.mesh \"joint\" or \"ale\"", label);
   }
   if (!name) {
     return refuse(err, j, "kind", mount->kind, "must be arm, slider or path");
