@@ -5,6 +5,7 @@
  * a mount, where the rows of mounts, which are of all unknowns, are derived (ale_jacobian.c).
  */
 #include <math.h>
+#include <string.h>
 
 #include "belts/ale.h"
 
@@ -33,8 +34,9 @@ static void subtract(const bd_ale_newton *newton, const bd_ale_state *a, const b
   }
 }
 
-/* Forward differences: a travel by 1e-7 of the radius over its lever, as much of the speed that
- * belongs to it; lost are 1e-7 of the column, and rounding, 1e-16 / 5e-3 of a tension over 1e-7. */
+/* Forward differences: a travel that moves the axis by 1e-6 of the radius and turns its speed by no
+ * more than 1e-6 of a wave's, as much of that speed; lost are 1e-6 of the column, and rounding,
+ * 1e-16 / 5e-3 of a tension over 1e-6. */
 static void difference(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
                        const bd_ale_state *y, const bd_ale_state *dy, const bd_ale_state *scratch,
                        int j, int of) {
@@ -42,7 +44,9 @@ static void difference(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels 
   bd_ale_arc *arc = &ale->arcs[j];
   const bd_ale_axis kept = arc->axis;
   const double lever = hypot(kept.lever[0], kept.lever[1]);
-  const double h = (of == 0 ? 1e-6 * sqrt(ale->rest / ale->density) : 1e-6 * arc->radius) / lever;
+  const double bends = fabs(kept.speed) * hypot(kept.bend[0], kept.bend[1]);
+  const double wave = sqrt(ale->rest / ale->density);
+  const double h = 1e-6 / (of == 0 ? lever / wave : fmax(lever / arc->radius, bends / wave));
   double *column = newton->moved[of] + j * unknowns, *torque = newton->torque_by[of] + j;
   double *push = newton->push_by[of] + j;
   for (int k = 0; k < np; ++k) {
@@ -69,14 +73,28 @@ static void difference(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels 
   bd_ale_gather(newton, ale, scratch, column);
 }
 
+static void clear(bd_ale_newton *newton, int np, int j, int of) {
+  const int unknowns = newton->ring.unknowns;
+  memset(newton->moved[of] + j * unknowns, 0, (size_t)unknowns * sizeof(double));
+  for (int k = 0; k < np; ++k) {
+    newton->torque_by[of][k * np + j] = newton->push_by[of][k * np + j] = 0.0;
+  }
+}
+
 void bd_ale_linearise_axes(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
                            const bd_ale_state *y, const bd_ale_state *dy,
                            const bd_ale_state *scratch) {
   for (int j = 0; j < ale->np; ++j) {
-    const double *a = ale->arcs[j].axis.lever;
-    for (int of = 0; of < 2 && (a[0] != 0.0 || a[1] != 0.0); ++of) {
-      difference(newton, ale, kernels, y, dy, scratch, j, of);
-      bd_ale_rate(ale, kernels, y, scratch);
+    const bd_ale_axis *axis = &ale->arcs[j].axis;
+    const int moves = axis->lever[0] != 0.0 || axis->lever[1] != 0.0;
+    const int turns = axis->speed != 0.0 && (axis->bend[0] != 0.0 || axis->bend[1] != 0.0);
+    for (int of = 0; of < 2; ++of) {
+      if (moves || (of == 1 && turns)) {
+        difference(newton, ale, kernels, y, dy, scratch, j, of);
+        bd_ale_rate(ale, kernels, y, scratch);
+      } else {
+        clear(newton, ale->np, j, of);
+      }
     }
   }
 }

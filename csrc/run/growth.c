@@ -228,26 +228,30 @@ static double allowed(const bd_sim *sim) {
              : bd_method_tolerance(sim->stepper.method, sim->stepper.model, sim->stepper.rtol);
 }
 
-/* The past is displaced as well: it is the place that differs, not the speed. By how much the twin
- * is apart then. */
+/* The past is displaced as well: it is the place that differs, not the speed; of cells the metres
+ * in them, by what they are in lengths of the shortest. By how much the twin is apart then. */
 static double displace(bd_sim *sim, bd_sim *twin) {
   bd_twin *t = &sim->twin;
   const bd_layout *lay = &sim->stepper.model->lay;
-  const double stretch = sim->stepper.model->info.strain * sim->stepper.model->info.link_length;
+  const double length = sim->stepper.model->info.link_length;
+  const double stretch = sim->stepper.model->info.strain * length;
   const double size = fmax(1e-8, DISPLACEMENT * allowed(sim)) * stretch;
-  for (int f = F_X; f <= F_Y && bd_has_field(lay, f); ++f) {
+  const int cells = bd_has_field(lay, F_M);
+  for (int f = cells ? F_M : F_X; f <= (cells ? F_M : F_Y); ++f) {
     for (int i = 0; i < lay->n; ++i) {
       t->random = t->random * 6364136223846793005u + 1442695040888963407u; /* Knuth's MMIX */
       double shift = size * ((double)(t->random >> 11) * 0x1p-52 - 1.0);
+      shift *= cells ? bd_field(lay, twin->stepper.y, f)[i] / length : 1.0;
       bd_field(lay, twin->stepper.y, f)[i] += shift;
       for (int k = 0; k < twin->stepper.n_history; ++k) {
         bd_field(lay, twin->stepper.history[k], f)[i] += shift;
       }
     }
   }
-  /* of differences of two numbers evenly spread over +-size, in x and in y or along it alone */
+  /* of a number evenly spread over +-size, of differences of two, in x and in y or along it alone
+   */
   const int along = sim->stepper.model->belt_model->facts.stretches;
-  return sqrt(along ? 2.0 / 3.0 : 4.0 / 3.0) * size / stretch;
+  return sqrt(cells ? 1.0 / 3.0 : along ? 2.0 / 3.0 : 4.0 / 3.0) * size / stretch;
 }
 
 static double next_look(const bd_sim *sim) {
