@@ -32,15 +32,18 @@ static int unknowns_of(const bd_ale_drive *drive, int j, int b) {
                           : 2 + 2 * states_of(drive, j);
 }
 
+static int fours(int n) {
+  return (n + 3) / 4 * 4;
+}
+
 /* The ring begins with the second block of arc 0, and ends with the first. */
 static void carve_blocks(bd_carver *carver, bd_ale_ring *ring, const bd_ale_drive *drive) {
   const int np = drive->np, last = unknowns_of(drive, 0, 0);
-  int n = 0, at = 0;
-  ring->largest = 0;
+  int n = 0, at = 0, largest = 0;
   for (int j = 0; j < np; ++j) {
     for (int k = 0; k < drive->pulleys[j].cells; ++k) {
       const int of = unknowns_of(drive, j, k);
-      ring->largest = of > ring->largest ? of : ring->largest;
+      largest = fours(of) > largest ? fours(of) : largest;
       at += of;
       ++n;
     }
@@ -48,7 +51,8 @@ static void carve_blocks(bd_carver *carver, bd_ale_ring *ring, const bd_ale_driv
   ring->n = n;
   ring->unknowns = at;
   BD_CARVE(carver, ring->blocks, n);
-  BD_CARVE(carver, ring->scratch, 2 * ring->largest * ring->largest);
+  BD_CARVE(carver, ring->from, fours(last) * at);
+  BD_CARVE(carver, ring->scratch, largest * last);
   for (int j = 0, b = n - 1; j < np; ++j) {
     const int cells = drive->pulleys[j].cells, before_j = (j + np - 1) % np;
     for (int k = 0; k < cells; ++k, b = (b + 1) % n) {
@@ -57,16 +61,16 @@ static void carve_blocks(bd_carver *carver, bd_ale_ring *ring, const bd_ale_driv
                                : unknowns_of(drive, before_j, drive->pulleys[before_j].cells - 1);
       const int after =
           k + 1 < cells ? unknowns_of(drive, j, k + 1) : unknowns_of(drive, (j + 1) % np, 0);
-      /* back, own and ahead together, to be cleared at once */
       double *all;
-      BD_CARVE(carver, all, of * (2 * before + 2 * of + 2 * after + 2 * last));
+      BD_CARVE(carver, all, fours(of) * (2 * before + 2 * of + 2 * after + last));
       if (carver->base) {
         bd_ale_block *block = &ring->blocks[b];
-        block->n = block->lead = of;
-        double **const parts[] = {&block->back,   &block->own,  &block->ahead, &block->inverse,
-                                  &block->behind, &block->next, &block->far,   &block->from};
-        const int sizes[] = {before, of, after, of, before, after, last, last};
-        for (int p = 0; p < 8; all += of * sizes[p++]) {
+        block->n = of;
+        block->lead = fours(of);
+        double **const parts[] = {&block->back,    &block->own,     &block->ahead, &block->inverse,
+                                  &block->over[0], &block->over[1], &block->far};
+        const int sizes[] = {before, of, after, of, before, after, last};
+        for (int p = 0; p < 7; all += block->lead * sizes[p++]) {
           *parts[p] = all;
         }
       }
@@ -75,6 +79,7 @@ static void carve_blocks(bd_carver *carver, bd_ale_ring *ring, const bd_ale_driv
   at = 0;
   for (int b = 0; b < n && carver->base; at += ring->blocks[b++].n) {
     ring->blocks[b].at = at;
+    ring->blocks[b].from = ring->from + at * fours(last);
   }
 }
 

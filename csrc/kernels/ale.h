@@ -119,12 +119,12 @@ typedef struct bd_ale_slopes {
 } bd_ale_slopes;
 
 /* A block of unknowns: of the Jacobian what couples it to the block behind, to itself, to the one
- * ahead, columns of `lead` rows; of its elimination D^-1, D^-1 of what is behind, ahead and of the
- * last block, and what that one has of it. */
+ * ahead, by columns, the rows of each in fours; of its elimination D^-1, by it what couples it to
+ * both neighbours and to the last block, and what that one has of it (ale_blocks.h). */
 typedef struct bd_ale_block {
-  int n, lead, at; /* unknowns, the first of them */
+  int n, lead, at; /* unknowns; rows of a column; the first of them */
   double *back, *own, *ahead;
-  double *inverse, *behind, *next, *far, *from;
+  double *inverse, *over[2], *far, *from;
 } bd_ale_block;
 
 /* The ring of blocks: a span, with both its ends; a cell of an arc and a node; the two cells in the
@@ -132,9 +132,8 @@ typedef struct bd_ale_block {
 typedef struct bd_ale_ring {
   int n, unknowns;
   double g;
-  int largest;
   bd_ale_block *blocks;
-  double *scratch; /* two blocks of the largest size */
+  double *from, *scratch; /* what the last block has of all others; a block of the largest size */
 } bd_ale_ring;
 
 typedef struct bd_ale_kernels {

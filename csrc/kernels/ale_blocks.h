@@ -1,189 +1,309 @@
 /* SPDX-License-Identifier: MIT
  *
- * ALE belt: factors of 1 - g J, cyclic and tridiagonal by blocks, and solutions. Blocks
- * are eliminated one after the other, the last of them apart; no pivot is sought: each has the
- * identity and what couples a cell's metres to the speed of its node, of opposite signs.
+ * A belt that flows: factors of 1 - g J, cyclic and tridiagonal by blocks, and solutions. The last
+ * block, which is the neighbour of the first and of the last but one, stands apart; the others are
+ * eliminated from both ends to the middle, two chains that do not wait for each other. No pivot is
+ * sought: each block has the identity and what couples a cell's metres to the speed of its node, of
+ * opposite signs.
  *
- * One chain round the ring, with one block of a cell as the only separator, carries 4 columns
- * through every block; spans as separators and arcs from both ends would carry the 7 of a span.
+ * Matrices stand by columns of `lead` rows, fours of them; those behind the block's are 0.
  */
 
-/* Of most blocks, those of a cell and a node under a law of one state. */
-enum { USUAL = 4, LARGEST = BD_ALE_BLOCK };
+enum { QUAD = 4, LARGEST = (BD_ALE_BLOCK + QUAD - 1) / QUAD * QUAD };
 
-/* Blocks stand by columns. out = factor a b, or that is added; a of n x k, b of k x m. */
-INLINE void multiply_fixed(const int n, const int k, const int m, double factor, const double *a,
-                           const double *b, double *out, const int add) {
-  for (int j = 0; j < m; ++j) {
-    double sum[LARGEST];
-    for (int i = 0; i < n; ++i) {
-      sum[i] = 0.0;
-    }
-    for (int l = 0; l < k; ++l) {
-      for (int i = 0; i < n; ++i) {
-        sum[i] += a[l * n + i] * b[j * k + l];
-      }
-    }
-    for (int i = 0; i < n; ++i) {
-      out[j * n + i] = add ? out[j * n + i] + factor * sum[i] : factor * sum[i];
-    }
-  }
+/* Four rows of a column. */
+#if defined(__AVX2__) && !defined(BD_SCALAR)
+typedef __m256d quad;
+
+INLINE quad quad_at(const double *p) {
+  return _mm256_loadu_pd(p);
 }
 
-#if defined(__GNUC__) && !defined(BD_SCALAR)
-typedef double four __attribute__((vector_size(32)));
+INLINE void quad_to(double *p, quad a) {
+  _mm256_storeu_pd(p, a);
+}
 
-/* The same of four rows, a column at once. */
-INLINE void multiply_four(int k, int m, double factor, const double *a, const double *b,
-                          double *out, const int add) {
-  for (int j = 0; j < m; ++j) {
-    four sum = {0.0, 0.0, 0.0, 0.0}, column;
-    for (int l = 0; l < k; ++l) {
-      memcpy(&column, a + USUAL * l, sizeof column);
-      sum += column * b[j * k + l];
-    }
-    memcpy(&column, out + USUAL * j, sizeof column);
-    sum = add ? column + factor * sum : factor * sum;
-    memcpy(out + USUAL * j, &sum, sizeof sum);
-  }
+/* sum + a x */
+INLINE quad quad_add(quad sum, quad a, double x) {
+  return _mm256_fmadd_pd(a, _mm256_set1_pd(x), sum);
 }
 #else
-INLINE void multiply_four(int k, int m, double factor, const double *a, const double *b,
-                          double *out, const int add) {
-  multiply_fixed(USUAL, k, m, factor, a, b, out, add);
+typedef struct quad {
+  vec part[QUAD / WIDTH];
+} quad;
+
+INLINE quad quad_at(const double *p) {
+  quad a;
+  memcpy(&a, p, sizeof a);
+  return a;
+}
+
+INLINE void quad_to(double *p, quad a) {
+  memcpy(p, &a, sizeof a);
+}
+
+INLINE quad quad_add(quad sum, quad a, double x) {
+  for (int i = 0; i < QUAD / WIDTH; ++i) {
+    sum.part[i] = sum.part[i] + a.part[i] * splat(x);
+  }
+  return sum;
 }
 #endif
 
-INLINE void multiply(int n, int k, int m, double factor, const double *a, const double *b,
-                     double *out, const int add) {
-  if (n == USUAL && k == USUAL && m == 1) {
-    multiply_four(USUAL, 1, factor, a, b, out, add);
-  } else if (n == USUAL && k == USUAL && m == USUAL) {
-    multiply_four(USUAL, USUAL, factor, a, b, out, add);
-  } else if (n == USUAL) {
-    multiply_four(k, m, factor, a, b, out, add);
-  } else {
-    multiply_fixed(n, k, m, factor, a, b, out, add);
+INLINE quad quad_none(void) {
+  quad none;
+  memset(&none, 0, sizeof none);
+  return none;
+}
+
+/* --- products --------------------------------------------------------------------------------- */
+
+/* sum + a x, of so many fours of rows. */
+INLINE void add_columns(const int quads, const int lead, const int k, const double *a,
+                        const double *x, quad *sum) {
+  for (int l = 0; l < k; ++l) {
+    for (int q = 0; q < quads; ++q) {
+      sum[q] = quad_add(sum[q], quad_at(a + l * lead + q * QUAD), x[l]);
+    }
   }
 }
 
-/* a = a^-1, by Gauss and Jordan; by rows or by columns alike. */
-INLINE void invert_fixed(const int n, double *given) {
-  double usual[USUAL * USUAL], *const a = n == USUAL ? usual : given;
-  if (n == USUAL) {
-    memcpy(a, given, sizeof usual);
+INLINE void add_product(const int quads, const int lead, int k, const double *a, const double *x,
+                        quad *sum) {
+  if (k == QUAD) {
+    add_columns(quads, lead, QUAD, a, x, sum);
+  } else {
+    add_columns(quads, lead, k, a, x, sum);
   }
-  for (int k = 0; k < n; ++k) {
-    const double per = 1.0 / a[k * n + k];
-    a[k * n + k] = 1.0;
-    for (int j = 0; j < n; ++j) {
-      a[k * n + j] *= per;
+}
+
+/* Rows of out = factor a b, or that is added; b has k rows and m columns. */
+INLINE void multiply_rows(const int quads, const int lead, int k, int m, double factor,
+                          const double *a, const double *b, int lead_b, double *restrict out,
+                          const int add) {
+  for (int j = 0; j < m; ++j) {
+    quad sum[2] = {quad_none(), quad_none()};
+    add_product(quads, lead, k, a, b + j * lead_b, sum);
+    for (int q = 0; q < quads; ++q) {
+      double *to = out + j * lead + q * QUAD;
+      quad_to(to, quad_add(add ? quad_at(to) : quad_none(), sum[q], factor));
     }
-    for (int i = 0; i < n; ++i) {
-      if (i != k) {
-        const double factor = a[i * n + k];
-        a[i * n + k] = 0.0;
-        for (int j = 0; j < n; ++j) {
-          a[i * n + j] -= factor * a[k * n + j];
-        }
+  }
+}
+
+INLINE void multiply(int lead, int k, int m, double factor, const double *a, const double *b,
+                     int lead_b, double *out, const int add) {
+  if (lead == QUAD && k == QUAD && m == QUAD && lead_b == QUAD) {
+    multiply_rows(1, QUAD, QUAD, QUAD, factor, a, b, QUAD, out, add);
+  } else if (lead == QUAD) {
+    multiply_rows(1, QUAD, k, m, factor, a, b, lead_b, out, add);
+  } else if (lead == 2 * QUAD) {
+    multiply_rows(2, 2 * QUAD, k, m, factor, a, b, lead_b, out, add);
+  } else {
+    for (int i = 0; i < lead; i += QUAD) {
+      multiply_rows(1, lead, k, m, factor, a + i, b, lead_b, out + i, add);
+    }
+  }
+}
+
+/* a = a^-1 by Gauss and Jordan: c takes the multiples of row i to the others, whose pivots are
+ * divided by at the end. */
+INLINE void invert_rows(const int n, const int lead, double *a) {
+  static const double units[2 * LARGEST] = {[LARGEST] = 1.0};
+  quad c[LARGEST / QUAD];
+  double per[LARGEST] = {0.0};
+  const int quads = lead / QUAD;
+  for (int i = 0; i < n; ++i) {
+    per[i] = 1.0 / a[i * lead + i];
+    for (int q = 0; q < quads; ++q) {
+      double *to = a + i * lead + q * QUAD;
+      const quad unit = quad_at(units + LARGEST - i + q * QUAD);
+      c[q] = quad_add(unit, quad_at(to), -per[i]);
+      quad_to(to, quad_add(c[q], unit, 1.0));
+    }
+    for (int j = 0; j < n; ++j) {
+      const double factor = a[j * lead + i];
+      for (int q = 0; q < quads && j != i; ++q) {
+        quad_to(a + j * lead + q * QUAD, quad_add(quad_at(a + j * lead + q * QUAD), c[q], factor));
       }
     }
   }
-  if (n == USUAL) {
-    memcpy(given, a, sizeof usual);
+  for (int k = 0; k < n * lead; ++k) {
+    a[k] *= per[k % lead];
   }
 }
 
-INLINE void invert_block(int n, double *a) {
-  if (n == USUAL) {
-    invert_fixed(USUAL, a);
+INLINE void invert(int n, int lead, double *a) {
+  if (n == QUAD) {
+    double usual[QUAD * QUAD];
+    memcpy(usual, a, sizeof usual);
+    invert_rows(QUAD, QUAD, usual);
+    memcpy(a, usual, sizeof usual);
+  } else if (lead == 2 * QUAD) {
+    invert_rows(n, 2 * QUAD, a);
   } else {
-    invert_fixed(n, a);
+    invert_rows(n, lead, a);
+  }
+}
+
+/* --- factors ---------------------------------------------------------------------------------- */
+
+INLINE void scale(int n, double factor, const double *a, double *out) {
+  for (int i = 0; i < n; ++i) {
+    out[i] = factor * a[i];
   }
 }
 
 /* 1 - g J of a block on itself. */
-INLINE void begin_block(const bd_ale_block *block, double g, double *out) {
-  const int n = block->n;
-  for (int i = 0; i < n * n; ++i) {
-    out[i] = -g * block->own[i];
+INLINE void begin_block(const bd_ale_block *block, double g) {
+  scale(block->n * block->lead, -g, block->own, block->inverse);
+  for (int i = 0; i < block->n; ++i) {
+    block->inverse[i * block->lead + i] += 1.0;
   }
-  for (int i = 0; i < n; ++i) {
-    out[i * n + i] += 1.0;
+}
+
+/* The neighbour on one side. */
+INLINE const bd_ale_block *beside(const bd_ale_ring *ring, int b, int side) {
+  return &ring->blocks[side == 1 ? b + 1 : b > 0 ? b - 1 : ring->n - 1];
+}
+
+/* A block whose neighbours on these sides have been: with x_near = .. + over x + far x_last of
+ * theirs, x = D^-1 (b + g J_near x_near ..), and the last one's row has `from` of it. */
+INLINE void eliminate(const bd_ale_ring *ring, int b, const int behind, const int ahead) {
+  const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
+  const int n = block->n, lead = block->lead, s = last->n;
+  const double g = ring->g;
+  double *const rhs = ring->scratch;
+  const double *const coupled[2] = {block->back, block->ahead};
+  const int been[2] = {behind, ahead};
+  begin_block(block, g);
+  for (int side = 0; side < 2; ++side) {
+    const bd_ale_block *const near = beside(ring, b, side);
+    if (been[side] && near == last) {
+      scale(lead * s, g, coupled[side], rhs);
+      scale(last->lead * n, g, side == 0 ? last->ahead : last->back, block->from);
+    } else if (been[side]) {
+      const double *over = near->over[1 - side];
+      const int add = side == 1 && behind;
+      multiply(lead, near->n, n, -g, coupled[side], over, near->lead, block->inverse, 1);
+      multiply(lead, near->n, s, g, coupled[side], near->far, near->lead, rhs, add);
+      multiply(last->lead, near->n, n, 1.0, near->from, over, near->lead, block->from, add);
+    }
   }
+  invert(n, lead, block->inverse);
+  for (int side = 0; side < 2; ++side) {
+    const bd_ale_block *const near = beside(ring, b, side);
+    if (near != last) {
+      multiply(lead, n, near->n, g, block->inverse, coupled[side], lead, block->over[side], 0);
+    }
+  }
+  multiply(lead, n, s, 1.0, block->inverse, rhs, lead, block->far, 0);
+  multiply(last->lead, n, s, -1.0, block->from, block->far, lead, last->inverse, 1);
 }
 
 static void factor(const bd_ale_ring *ring) {
-  const double g = ring->g;
   const bd_ale_block *const last = &ring->blocks[ring->n - 1];
-  const int s = last->n;
-  double *far = ring->scratch, *from = far + ring->largest * ring->largest;
-  begin_block(last, g, last->inverse);
-  for (int b = 0; b < ring->n - 1; ++b) {
-    const bd_ale_block *block = &ring->blocks[b];
-    const int n = block->n;
-    begin_block(block, g, block->inverse);
-    if (b == 0) {
-      for (int i = 0; i < n * s; ++i) {
-        far[i] = -g * block->back[i];
-        from[i] = -g * last->ahead[i];
-      }
+  const int middle = (ring->n - 1) / 2;
+  begin_block(last, ring->g);
+  for (int b = 0; b < middle; ++b) {
+    eliminate(ring, b, 1, 0);
+    if (ring->n - 2 - b > middle) {
+      eliminate(ring, ring->n - 2 - b, 0, 1);
+    }
+  }
+  eliminate(ring, middle, 1, 1);
+  invert(last->n, last->lead, last->inverse);
+}
+
+/* --- solutions -------------------------------------------------------------------------------- */
+
+/* Rows of a block: on the way to the middle D^-1 of what stands there and what is known of these
+ * neighbours, on the way back from it the last block and the others. */
+INLINE void solve_rows(const bd_ale_ring *ring, int b, const int sides[2], const int back,
+                       const int quads, const int n, const int lead, int first, const double *x,
+                       quad *sum) {
+  const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
+  if (back) {
+    add_product(quads, lead, last->n, block->far + first, x + last->at, sum);
+  } else {
+    add_product(quads, lead, n, block->inverse + first, x + block->at, sum);
+  }
+  for (int side = 0; side < 2; ++side) {
+    const bd_ale_block *const near = beside(ring, b, side);
+    if (sides[side] && near != last) {
+      add_product(quads, lead, near->n, block->over[side] + first, x + near->at, sum);
+    }
+  }
+}
+
+INLINE void solve_block(const bd_ale_ring *ring, int b, const int behind, const int ahead,
+                        const int back, double *x) {
+  const bd_ale_block *const block = &ring->blocks[b];
+  const int n = block->n, lead = block->lead, sides[2] = {behind, ahead};
+  double *const here = x + block->at, out[LARGEST];
+  if (n == QUAD) {
+    quad sum = back ? quad_at(here) : quad_none();
+    solve_rows(ring, b, sides, back, 1, QUAD, QUAD, 0, x, &sum);
+    quad_to(here, sum);
+    return;
+  }
+  const int quads = lead == 2 * QUAD ? 2 : 1;
+  for (int i = 0; i < lead; i += quads * QUAD) {
+    quad sum[2] = {quad_none(), quad_none()};
+    if (quads == 2) {
+      solve_rows(ring, b, sides, back, 2, n, 2 * QUAD, 0, x, sum);
     } else {
-      const bd_ale_block *before = block - 1;
-      multiply(n, before->n, n, g, block->back, before->next, block->inverse, 1);
-      multiply(n, before->n, s, g, block->back, before->far, far, 0);
-      multiply(s, before->n, n, -1.0, before->from, before->next, from, 0);
+      solve_rows(ring, b, sides, back, 1, n, lead, i, x, sum);
     }
-    if (b == ring->n - 2) {
-      for (int i = 0; i < n * s; ++i) {
-        far[i] -= g * block->ahead[i];
-        from[i] -= g * last->back[i];
-      }
+    quad_to(out + i, sum[0]);
+    if (quads == 2) {
+      quad_to(out + QUAD, sum[1]);
     }
-    invert_block(n, block->inverse);
-    if (b > 0) {
-      multiply(n, n, block[-1].n, g, block->inverse, block->back, block->behind, 0);
-    }
-    multiply(n, n, s, 1.0, block->inverse, far, block->far, 0);
-    if (b < ring->n - 2) {
-      multiply(n, n, block[1].n, -g, block->inverse, block->ahead, block->next, 0);
-    }
-    memcpy(block->from, from, (size_t)(s * n) * sizeof from[0]);
-    multiply(s, n, s, -1.0, from, block->far, last->inverse, 1);
   }
-  invert_block(s, last->inverse);
+  for (int i = 0; i < n; ++i) {
+    here[i] = back ? here[i] + out[i] : out[i];
+  }
 }
 
-/* out = (out +) factor a x */
-INLINE void apply_block(int n, int m, double factor, const double *a, const double *x, double *out,
-                        const int add) {
-  multiply(n, m, 1, factor, a, x, out, add);
-}
-
-/* By blocks, right-hand side in, solution out. What depends on the block before, or behind, is one
- * product each: the others can be done meanwhile. */
-static void solve(const bd_ale_ring *ring, double *x) {
+/* The last block, from what all others stand at. */
+INLINE void solve_last(const bd_ale_ring *ring, double *x) {
   const bd_ale_block *const last = &ring->blocks[ring->n - 1];
-  const int s = last->n;
-  double *at_last = x + last->at, rhs[LARGEST];
-  for (int b = 0; b < ring->n - 1; ++b) {
-    const bd_ale_block *block = &ring->blocks[b];
-    double *here = x + block->at;
-    memcpy(rhs, here, (size_t)block->n * sizeof *rhs);
-    apply_block(block->n, block->n, 1.0, block->inverse, rhs, here, 0);
-    if (b > 0) {
-      apply_block(block->n, block[-1].n, 1.0, block->behind, x + block[-1].at, here, 1);
+  const int lead = last->lead;
+  double *const here = x + last->at, rhs[LARGEST];
+  for (int i = 0; i < lead; i += QUAD) {
+    quad sum[QUAD] = {quad_none(), quad_none(), quad_none(), quad_none()};
+    for (int u = 0; u < last->at; ++u) {
+      sum[u % QUAD] = quad_add(sum[u % QUAD], quad_at(ring->from + u * lead + i), x[u]);
     }
-    apply_block(s, block->n, -1.0, block->from, here, at_last, 1);
+    quad_to(rhs + i, quad_add(quad_add(sum[0], sum[1], 1.0), quad_add(sum[2], sum[3], 1.0), 1.0));
   }
-  memcpy(rhs, at_last, (size_t)s * sizeof *rhs);
-  apply_block(s, s, 1.0, last->inverse, rhs, at_last, 0);
-  for (int b = ring->n - 2; b >= 0; --b) {
-    const bd_ale_block *block = &ring->blocks[b];
-    double *here = x + block->at;
-    apply_block(block->n, s, -1.0, block->far, at_last, here, 1);
-    if (b < ring->n - 2) {
-      apply_block(block->n, block[1].n, -1.0, block->next, x + block[1].at, here, 1);
+  for (int i = 0; i < last->n; ++i) {
+    rhs[i] += here[i];
+    here[i] = 0.0;
+  }
+  for (int l = 0; l < last->n; ++l) {
+    for (int i = 0; i < last->n; ++i) {
+      here[i] += last->inverse[l * lead + i] * rhs[l];
+    }
+  }
+}
+
+/* By blocks, right-hand side in, solution out. */
+static void solve(const bd_ale_ring *ring, double *x) {
+  const int middle = (ring->n - 1) / 2, end = ring->n - 2;
+  for (int b = 0; b < middle; ++b) {
+    solve_block(ring, b, 1, 0, 0, x);
+    if (end - b > middle) {
+      solve_block(ring, end - b, 0, 1, 0, x);
+    }
+  }
+  solve_block(ring, middle, 1, 1, 0, x);
+  solve_last(ring, x);
+  solve_block(ring, middle, 0, 0, 1, x);
+  for (int b = middle - 1; b >= 0; --b) {
+    solve_block(ring, b, 0, 1, 1, x);
+    if (end - b > middle) {
+      solve_block(ring, end - b, 1, 0, 1, x);
     }
   }
 }
