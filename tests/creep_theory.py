@@ -1,4 +1,5 @@
-"""Creep of a running belt by quasi-static theory: Coulomb friction, an extensible belt, no gravity.
+"""Creep of a running belt by quasi-static theory: an extensible belt, no gravity; Coulomb friction,
+and Dahl's by its differential equation.
 
 In steady motion c = v / lambda, the stress-free length that passes by in a second, is the same all
 round, with lambda(T) = 1 + T / EA. On the driving pulley the belt sticks from where it enters, with
@@ -133,6 +134,51 @@ def two_pulley_benchmark() -> Creep:
         mu=0.5,
     )
     return steady(drive, 12.0, lambda omega: 2.0 * omega + 25.0)
+
+
+def dahl(drive: Drive, omega: float, torque: float, sigma: float) -> tuple[float, float]:
+    """Slack tension and creep under Dahl's law, rigid pulleys, by equations along each wrap:
+    dT - rhoA J dv = mu' H dphi and J dmu'/dX = sigma (s - |s| mu' / mu), s = v - rim.
+
+    Args:
+        drive: Of two pulleys inside the loop.
+        omega: Speed of the driving one [rad/s].
+        torque: On it [N m].
+        sigma: Of the friction law [1/m].
+    """
+    density, scale = drive.linear_density, rest(drive)
+
+    def leaves(k: int, enters: float, flow: float, rim: float) -> np.ndarray:
+        def along(_phi: float, y: np.ndarray) -> list[float]:
+            stretch = drive.stretch(y[0])
+            slip = flow * stretch - rim
+            pressing = y[0] - density * flow**2 * stretch
+            metres = drive.radii[k] / stretch
+            bristles = sigma * (slip - abs(slip) * y[1] / drive.mu) * metres / flow
+            rise = y[1] * pressing / (1.0 - density * flow**2 / drive.axial_stiffness)
+            return [rise, bristles, metres]
+
+        found = solve_ivp(along, (0.0, drive.wraps[k]), [enters, 0, 0], rtol=1e-9, atol=1e-11)
+        return np.asarray(found.y[:, -1])
+
+    def misfit(u: np.ndarray) -> list[float]:
+        tight, slack = scale * u[:2]
+        flow = omega * drive.radii[0] / u[2]
+        driving, driven = leaves(0, tight, flow, u[2] * flow), leaves(1, slack, flow, u[3] * flow)
+        spans = 0.5 * drive.spans * (1.0 / drive.stretch(tight) + 1.0 / drive.stretch(slack))
+        pull = (tight - slack) * (1.0 - density * flow**2 / drive.axial_stiffness)
+        return [
+            driven[0] / scale - u[0],
+            driving[0] / scale - u[1],
+            (driven[2] + driving[2] + spans - drive.length) * drive.axial_stiffness / scale,
+            (pull - torque / drive.radii[0]) / scale,
+        ]
+
+    part = 0.5 * torque / drive.radii[0] / scale
+    rims = [drive.stretch(scale * (1.0 + part)), drive.stretch(scale * (1.0 - part))]
+    found = fsolve(misfit, [1.0 + part, 1.0 - part, *rims], xtol=1e-11)
+    assert max(map(abs, misfit(found))) < 1e-7
+    return scale * float(found[1]), 1.0 - float(found[3] / found[2])
 
 
 def dahl_slip_arc(

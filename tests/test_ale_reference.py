@@ -11,6 +11,7 @@ import math
 from typing import Any
 
 import ale_reference_run as runs
+import creep_theory
 import drives
 import numpy as np
 import pytest
@@ -19,12 +20,10 @@ from ale_reference import Ale
 from bridge import drag_of, mounts_of, sides_of
 from drives import scene_m, scene_u
 from laws import oracle_law
-from scipy.integrate import solve_ivp
-from scipy.optimize import fsolve
 
 import beltdyn as bd
 
-EA, DENSITY, RADIUS, APART, LENGTH = 61.80e3, 0.06983, 0.1, 0.29, 1.2
+DENSITY, RADIUS, APART, LENGTH = 0.06983, 0.1, 0.29, 1.2
 
 
 def ale_of(params: bd.Params, **changes: Any) -> Ale:
@@ -106,39 +105,6 @@ def test_a_moving_string_has_its_frequencies() -> None:
         assert abs(decay[nearest]) < 1e-4 * exact
 
 
-def dahl_creep(torque: float, flow: float, mu: float, sigma: float) -> tuple[float, float]:
-    """Slack tension and creep of M with rigid pulleys and EI = 0, by equations along a wrap:
-    dT - rhoA J dv = z H dphi and J dz/dX = G(z, v - rim).
-    """
-
-    def leaves(enters: float, rim: float) -> np.ndarray:
-        def along(_phi: float, y: np.ndarray) -> list[float]:
-            stretch = 1.0 + y[0] / EA
-            slip = flow * stretch - rim
-            pressing = y[0] - DENSITY * flow**2 * stretch
-            bristles = sigma * (slip - abs(slip) * y[1] / mu) * RADIUS / stretch / flow
-            return [y[1] * pressing / (1.0 - DENSITY * flow**2 / EA), bristles, RADIUS / stretch]
-
-        return np.asarray(
-            solve_ivp(along, (0.0, math.pi), [enters, 0.0, 0.0], rtol=1e-9, atol=1e-11).y[:, -1]
-        )
-
-    def misfit(u: np.ndarray) -> list[float]:
-        tight, slack = 400.0 * u[:2]
-        driven, driving = leaves(slack, u[3] * flow), leaves(tight, u[2] * flow)
-        metres = driven[2] + driving[2] + APART / (1 + tight / EA) + APART / (1 + slack / EA)
-        pull = (tight - slack) * (1.0 - DENSITY * flow**2 / EA) - torque / RADIUS
-        return [
-            driven[0] / 400.0 - u[0],
-            driving[0] / 400.0 - u[1],
-            (metres / LENGTH - 1.0) * EA / 400.0,
-            pull / 400.0,
-        ]
-
-    found = fsolve(misfit, [1.87, 0.38, 1.0125, 1.0025], xtol=1e-11)
-    return 400.0 * float(found[1]), 1.0 - float(found[3] / found[2])
-
-
 @pytest.mark.parametrize("speed", [3.77, 314.0])
 def test_creep_of_dahl_friction_is_that_of_theory(speed: float) -> None:
     """60 N m on M, rigid pulleys. Cells of 15.7 mm are a third of the length in which bristles
@@ -158,7 +124,11 @@ def test_creep_of_dahl_friction_is_that_of_theory(speed: float) -> None:
     ax = model.axial(y, model.geometry(0.0, y))
     omega, flow = model.get(y, "omega"), ax.flow
     law = model.friction[0]
-    slack, creep = dahl_creep(60.0, float(flow[0]), law.mu_k, law.sigma)
+    theory = creep_theory.Drive.open(
+        (RADIUS, RADIUS), APART, length=LENGTH, axial_stiffness=model.axial_stiffness,
+        linear_density=DENSITY, mu=law.mu_k,
+    )  # fmt: skip
+    slack, creep = creep_theory.dahl(theory, float(abs(omega[0])), 60.0, law.sigma)
     assert tension(model, y).min() == pytest.approx(slack, rel=2.5e-3)
     assert 1.0 - omega[1] / omega[0] == pytest.approx(creep, abs=1e-4)
     # what follows from the equations themselves
