@@ -77,6 +77,7 @@ class History:
     motion: dict[int, bd.MotionLike] | None = None
     speed: float = 0.0
     finest: int = 960
+    exact: float = 1e-4  # rtol of references
 
     def run(self, params: bd.Params, **options: Any) -> bd.Result:
         speed = {0: self.speed} if self.speed else None
@@ -87,18 +88,18 @@ class History:
                 t_eval=np.linspace(0.0, self.t_end, 1001), **options,
             )  # fmt: skip
 
-    def reference(self, n: int, rtol: float = 1e-4) -> dict[str, np.ndarray]:
+    def reference(self, n: int) -> dict[str, np.ndarray]:
         """Of so many links: tensions, speeds, CPU time, steps; kept."""
         params = links(self.params, n)
 
         def compute() -> dict[str, Any]:
-            found = self.run(params, rtol=rtol)
+            found = self.run(params, rtol=self.exact)
             return {
                 "tension": found.span_tension, "omega": found.pulleys.omega,
                 "cpu": found.stats.cpu_time, "steps": found.stats.steps,
             }  # fmt: skip
 
-        return kept((params, self.torque, self.t_end, self.motion, self.speed, rtol), compute)
+        return kept((params, self.torque, self.t_end, self.motion, self.speed, self.exact), compute)
 
 
 def u_at(speed: float, t_end: float = 0.3) -> History:
@@ -115,7 +116,7 @@ def serpentine_at(rpm: float) -> History:
     speed = -rpm * math.pi / 30.0
     mean = bd.PiecewiseLinear([0.0, 1.0], [speed, speed])
     crank = attrs.evolve(scene.motion["crank"], speed=mean)
-    return History(scene.params, scene.torque_fn, scene.t_end, {"crank": crank}, speed, 720)
+    return History(scene.params, scene.torque_fn, scene.t_end, {"crank": crank}, speed, 720, 1e-3)
 
 
 def crossed() -> History:
@@ -202,7 +203,7 @@ def histories(names: Iterable[str], finest: int | None) -> list[str]:
         for of in (n, n // 2, n // 4):
             run = history.reference(of)
             steps, cpu = float(run["steps"]) / end, float(run["cpu"]) / end
-            row(name, f"links {of}", 1e-4, run["tension"], exact, steps, cpu)
+            row(name, f"links {of}", history.exact, run["tension"], exact, steps, cpu)
         for rtol in RTOLS:
             try:
                 found = history.run(ale(history.params), rtol=rtol)
@@ -332,9 +333,8 @@ def random_drives(seed: int, count: int, n: int) -> list[str]:
         try:
             scene, name = mesh_estimate.draw(np.random.default_rng([seed, number]))
             params = drives.with_belt(scene.params, n_bodies=n, model="auto")
-            history = History(params, scene.torque_fn, scene.t_end, scene.motion)
-            with silenced():
-                exact = history.reference(n, rtol=1e-3)
+            history = History(params, scene.torque_fn, scene.t_end, scene.motion, exact=1e-3)
+            exact = history.reference(n)
         except (ValueError, bd.SimulationError):
             continue
         done += 1
