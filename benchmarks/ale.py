@@ -46,7 +46,11 @@ RTOLS = (1e-2, 1e-3, 1e-4)
 
 
 def ale(params: bd.Params, cells: int | None = None, **belt: Any) -> bd.Params:
-    """The same drive with an ALE belt, of as many cells as are chosen, or of so many."""
+    """The same drive with an ALE belt, of as many cells as are chosen, or of about so many."""
+    if cells is None:
+        radii = [pulley.radius for pulley in params.pulleys]
+        arcs = [r * w for r, w in zip(radii, params.route.wraps, strict=True)]
+        cells = sum(1 + max(6, 2 * math.ceil(arc / 0.025)) for arc in arcs)
     return drives.with_belt(params, mesh="ale", model="auto", n_bodies=cells, **belt)
 
 
@@ -306,15 +310,14 @@ def moving_string(shares: Iterable[float]) -> list[str]:
     params = ale(drives.with_belt(drives.scene_m().params, bending_stiffness=0.0))
     belt, span = params.belt, params.pulleys[1].center[0]
     for share in shares:
-        tension = params.info["tension"]
+        tension = params.info["mean_tension"]
         omega = share * math.sqrt(tension / belt.linear_density) / params.pulleys[0].radius
         with silenced():
             state = bd.settle(params, speed={0: -omega})
             found = bd.modes(params, state, n=12)
             run = bd.simulate(params, bd.Viscous([0.0, 0.0]), 1e-6, initial=state, t_eval=[1e-6])
-        pull, flow = float(run.span_tension[0, 0]), float(abs(run.belt.flow[0]))
-        stretch = 1.0 + pull / belt.axial_stiffness
-        wave, v = math.sqrt(pull * stretch / belt.linear_density), flow * stretch
+        pull, v = float(run.span_tension[0, 0]), float(state.v[0])
+        wave = math.sqrt(pull * (1.0 + pull / belt.axial_stiffness) / belt.linear_density)
         exact = (wave**2 - v**2) / (2.0 * span * wave)
         nearest = found.frequency[np.argmin(np.abs(found.frequency - exact))]
         lines.append(f"{share:18.2f}{exact:11.3f}{nearest:9.3f}{100 * (nearest / exact - 1):8.3f}")
