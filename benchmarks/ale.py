@@ -86,9 +86,14 @@ class History:
     def run(self, params: bd.Params, **options: Any) -> bd.Result:
         speed = {0: self.speed} if self.speed else None
         with silenced():
+            state = bd.settle(params, speed=speed, friction=False, pulleys="held")
+            omega = state.omega.copy()
+            for k, motion in (self.motion or {}).items():  # within 1e-4 of it
+                if isinstance(motion, bd.PiecewiseLinear):
+                    omega[k] = motion.values[0, 0]
             return bd.simulate(
                 params, self.torque, self.t_end, self.motion,
-                initial=bd.settle(params, speed=speed, friction=False, pulleys="held"),
+                initial=attrs.evolve(state, omega=omega),
                 t_eval=np.linspace(0.0, self.t_end, 1001), **options,
             )  # fmt: skip
 
@@ -147,7 +152,7 @@ def seizes() -> History:
 
 def near_slack() -> History:
     """M with 42 N and gravity, a pulse of 12 N m for 8 ms."""
-    params = attrs.evolve(drives.scene_m().params, gravity=(0.0, -9.81))
+    params = attrs.evolve(links(drives.scene_m().params, 240), gravity=(0.0, -9.81))
     params = drives.with_belt(params, length=None, preload=42.0, bending_stiffness=0.005)
     pulse = [0.0, 0.002, 0.0021, 0.0101, 0.0102, 0.06], [0.0, 0.0, 12.0, 12.0, 0.0, 0.0]
     return History(params, bd.PiecewiseLinear(*pulse, pulley=1), 0.06)
@@ -262,13 +267,13 @@ def rest_modes(params: bd.Params, n: int, phases: int = 1) -> dict[str, Any]:
 
 def light() -> bd.Params:
     """Light pulleys 0.5 m apart: the belt's own mass along it counts."""
-    params = drives.scene_m().params
+    params = links(drives.scene_m().params, 240)
     pulleys = [
         attrs.evolve(one, center=(0.5 * k, 0.0), radius=0.05, inertia=2e-4)
         for k, one in enumerate(params.pulleys)
     ]
-    params = attrs.evolve(params, pulleys=pulleys)
-    return drives.with_belt(params, length=None, preload=400.0, bending_stiffness=0.02)
+    belt = attrs.evolve(params.belt, length=None, preload=400.0, bending_stiffness=0.02)
+    return attrs.evolve(params, pulleys=pulleys, belt=belt)
 
 
 RESTING: dict[str, Callable[[], bd.Params]] = {

@@ -17,8 +17,8 @@ import laws
 import numpy as np
 import reference_mounts
 from ale_reference import Ale
+from bridge import ale_oracle_of as ale_of
 from reference_friction import Array
-from test_ale_reference import ale_of
 
 import beltdyn as bd
 

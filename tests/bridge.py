@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
+import ale_reference
 import attrs
 import numpy as np
 import reference
@@ -104,3 +106,55 @@ def fields(state: bd.State) -> dict[str, Any]:
     return {
         name: value for name, value in attrs.asdict(state, recurse=False).items() if name in STATE
     }
+
+
+def ale_oracle_of(params: bd.Params, **changes: Any) -> ale_reference.Ale:
+    """The same drive with an ALE belt as its oracle wants it."""
+    belt, contact = params.belt, params.effective_contact
+    data: dict[str, Any] = {
+        "length": params.effective_belt.length,
+        "linear_density": belt.linear_density,
+        "axial_stiffness": belt.axial_stiffness,
+        "axial_damping": belt.axial_damping,
+        "bending_stiffness": belt.bending_stiffness,
+        "bending_damping": belt.bending_damping,
+        "centers": np.array([p.center for p in params.pulleys]),
+        "radii": np.array([p.radius for p in params.pulleys]),
+        "inertias": np.array([p.inertia for p in params.pulleys]),
+        "contact": (contact.quadratic, contact.linear),
+        "friction": tuple(oracle_law(params.friction_on(k)) for k in range(len(params.pulleys))),
+        "sides": sides_of(params),
+        "compensate": contact.compensate,
+        "gravity": params.gravity,
+        "drag": drag_of(params),
+        "mounts": mounts_of(params),
+    }
+    return ale_reference.Ale(**(data | changes))
+
+
+def on_mesh_of(params: bd.Params, **changes: Any) -> ale_reference.Ale:
+    """That oracle with the cells of the core's belt."""
+    arcs = float(np.dot(params.route.wraps, [pulley.radius for pulley in params.pulleys]))
+    cell = arcs / (params.belt.n_bodies - 2 * len(params.pulleys))
+    model = ale_oracle_of(params, cell=cell, **changes)
+    assert model.n == params.info["n_bodies"]
+    return model
+
+
+#: Of an ALE belt what its oracle calls otherwise than the core's state.
+_ALE_NAMES = {"travel": "q", "travel_speed": "dq", "mount_friction": "zeta"}
+
+
+def ale_vector(model: ale_reference.Ale, state: Mapping[str, Any]) -> np.ndarray:
+    """A state of the core, or rates, as the oracle has it, whose works stay 0."""
+    parts = {name: state[name] for name in ("m", "v", "a", "p", "theta", "omega")}
+    places = list(model.mounts)
+    for name, own in _ALE_NAMES.items():
+        if model.n_m:
+            parts[own] = np.asarray(state[name])[[places.index(j) for j in model.sprung]]
+    z = np.reshape(state["mu"], (-1, model.n))
+    if z.size:
+        z = z.reshape(2, -1, model.n)[:, : model.n_z, model.arcs]
+        parts["z"] = np.asarray(z.swapaxes(0, 1))
+    shaped = {name: np.reshape(part, model.layout[name][1]) for name, part in parts.items()}
+    return model.pack(**shaped)

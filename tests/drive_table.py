@@ -29,7 +29,7 @@ KINKS = (0.003, 0.0071)
 
 #: The columns of `ROWS`, and the values of each.
 VALUES: dict[str, tuple[str, ...]] = {
-    "belt": ("paper", "joint", "string"),
+    "belt": ("paper", "joint", "string", "ale"),
     "law": ("none", "dahl", "lugre", "elastic", "coulomb", "creep", "threlfall", "maxwell"),
     "given": ("whole", "curve", "each"),
     "mount": ("fixed", "arm", "stops", "spring", "weight", "path"),
@@ -118,6 +118,14 @@ joint  creep     each  arm    speed    offset    crossed drag gravity bends foun
 string threlfall whole fixed  crank    chosen    back    -    -       -     length rest    rk4
 joint  maxwell   curve arm    moved    quadratic named   drag gravity bends found  speed   lbdf2
 joint  none      each  fixed  terms    linear    two     -    -       -     length tension rodas4
+ale    dahl      whole stops  engine   hunt      crossed drag gravity bends found  rest    auto
+ale    lugre     curve spring function offset    back    -    -       -     length speed   tsit5
+ale    elastic   each  weight compiled chosen    named   drag gravity bends found  tension rk4
+ale    coulomb   whole path   speed    quadratic two     -    -       -     length rest    lbdf2
+ale    creep     each  arm    crank    linear    crossed drag gravity bends found  speed   lbdf2-h
+ale    threlfall whole fixed  moved    hunt      back    -    -       -     length tension lie
+ale    maxwell   curve stops  terms    offset    named   drag gravity bends found  rest    lie-h
+ale    none      each  spring engine   chosen    two     -    -       -     length speed   rodas4
 """
 
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -298,8 +306,8 @@ def _belt(row: Row, pulleys: list[bd.Pulley]) -> bd.Belt:
         linear_density=0.1,
         axial_stiffness=20e3,
         axial_damping=1.0,
-        mesh="paper" if row["belt"] == "paper" else "joint",
-        model="string" if row["belt"] == "string" else "links",
+        mesh="joint" if row["belt"] == "string" else row["belt"],
+        model={"string": "string", "ale": "auto"}.get(row["belt"], "links"),
         **given,
     )
 

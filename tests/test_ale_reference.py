@@ -17,38 +17,12 @@ import numpy as np
 import pytest
 import reference_mounts
 from ale_reference import Ale
-from bridge import drag_of, mounts_of, sides_of
+from bridge import ale_oracle_of as ale_of
 from drives import scene_m, scene_u
-from laws import oracle_law
 
 import beltdyn as bd
 
 DENSITY, RADIUS, APART, LENGTH = 0.06983, 0.1, 0.29, 1.2
-
-
-def ale_of(params: bd.Params, **changes: Any) -> Ale:
-    """The same drive as the oracle of the flowing belt wants it."""
-    belt, contact = params.belt, params.effective_contact
-    laws = [oracle_law(params.friction_on(k)) for k in range(len(params.pulleys))]
-    data: dict[str, Any] = {
-        "length": params.effective_belt.length,
-        "linear_density": belt.linear_density,
-        "axial_stiffness": belt.axial_stiffness,
-        "axial_damping": belt.axial_damping,
-        "bending_stiffness": belt.bending_stiffness,
-        "bending_damping": belt.bending_damping,
-        "centers": np.array([p.center for p in params.pulleys]),
-        "radii": np.array([p.radius for p in params.pulleys]),
-        "inertias": np.array([p.inertia for p in params.pulleys]),
-        "contact": (contact.quadratic, contact.linear),
-        "friction": tuple(laws),
-        "sides": sides_of(params),
-        "compensate": contact.compensate,
-        "gravity": params.gravity,
-        "drag": drag_of(params),
-        "mounts": mounts_of(params),
-    }
-    return Ale(**(data | changes))
 
 
 def tension(model: Ale, y: np.ndarray) -> np.ndarray:

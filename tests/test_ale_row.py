@@ -14,8 +14,8 @@ import attrs
 import numpy as np
 import pytest
 from ale_reference import Ale
+from bridge import on_mesh_of
 from drives import crossed_scene, idler_scene, scene_m, scene_u
-from test_ale_reference import ale_of
 
 import beltdyn as bd
 
@@ -23,15 +23,6 @@ import beltdyn as bd
 def flowing(params: bd.Params, n_bodies: int = 50) -> bd.Params:
     """The same drive with an ALE belt of about so many cells."""
     return attrs.evolve(params, belt=attrs.evolve(params.belt, mesh="ale", n_bodies=n_bodies))
-
-
-def oracle_of(params: bd.Params, **changes: Any) -> Ale:
-    """The oracle on the mesh of the core."""
-    n_p = len(params.pulleys)
-    arcs = float(np.dot(params.route.wraps, [pulley.radius for pulley in params.pulleys]))
-    model = ale_of(params, cell=arcs / (params.belt.n_bodies - 2 * n_p), **changes)
-    assert model.n == params.info["n_bodies"]
-    return model
 
 
 def state_of(model: Ale, y: np.ndarray, **changes: Any) -> bd.State:
@@ -83,7 +74,7 @@ def displaced(model: Ale, speed: float, seed: int = 1, amplitude: float = 0.05) 
 def test_its_rate_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     """In both directions and about rest, wherever the belt lies, axes that move included."""
     params = flowing(scene().params, 50 if scene not in MOUNTED else 70)
-    model = oracle_of(params)
+    model = on_mesh_of(params)
     y = displaced(model, speed)
     rate, state = model.rate(0.0, y), state_of(model, y)
     core = params._model.rate(state._to_core(params), np.zeros(len(params.pulleys)))
@@ -107,7 +98,7 @@ def test_its_jacobian_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     """Entries times the scales of errors, with W held, against central differences. What speeds
     do to the length of an arc's cell, by v^2, is left out: 1e-5 to 1e-3 of the rest."""
     params = flowing(scene().params, 40 if scene not in MOUNTED else 60)
-    model = oracle_of(params)
+    model = on_mesh_of(params)
     y, scale = displaced(model, speed, amplitude=0.01), runs.scales(model)
     share = model.axial(y, model.geometry(0.0, y)).share
     model = dataclasses.replace(model, held=share)
