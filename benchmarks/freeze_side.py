@@ -437,12 +437,21 @@ def warn_of(name: str, make: Callable[[], bd.Params | bd.Result]) -> set[str]:
     return found
 
 
+def can_be(name: str) -> bool:
+    """Whether this build has the belt of a drive."""
+    try:
+        table.drive(name)
+    except ValueError:
+        return False
+    return True
+
+
 def main() -> None:
     out, with_texts, only = Path(sys.argv[1]), sys.argv[2] == "texts", sys.argv[3]
     warnings.simplefilter("ignore")
     forces: dict[str, Any] = {}
     level = out.stem
-    drives = [name for name in table.names() if only in name]
+    drives = [name for name in table.names() if only in name and can_be(name)]
     for name in drives:
         of_drive(name, level, with_texts, forces)
     for name in (name for name in bd.scenes.names() if only in name):

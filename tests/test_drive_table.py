@@ -22,7 +22,7 @@ import dense
 import drive_table as table
 import numpy as np
 import pytest
-from bridge import oracle_of
+from bridge import on_mesh_of, oracle_of
 from module_common import same_bits
 from test_kernels import available
 
@@ -35,6 +35,10 @@ from beltdyn.torques import as_terms
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
 of_each = pytest.mark.parametrize("name", table.names())
+#: What is asked of links alone; of ALE belts test_ale.py asks the same.
+of_links = pytest.mark.parametrize(
+    "name", [name for name in table.names() if table.drive(name).row["belt"] != "ale"]
+)
 MEASURED = ("cpu_time", "wall_time", "settle_time")
 
 
@@ -90,7 +94,7 @@ def test_every_pair_that_the_library_allows_is_in_the_table(
     rows = [drive.row for drive in all_drives]
     assert list(table.missing(rows)) == [], "run tests/drive_table.py: it prints the rows to add"
     refused = [pair for row in rows for pair in table.pairs(row) if pair in table.REFUSED]
-    assert not refused and len(rows) <= 64
+    assert not refused and len(rows) <= 72
     assert {name for name, *_ in _core.LAWS} == {law().law for law in table._LAWS.values()}
     assert {drive.options["method"] for drive in all_drives} == set(_core.METHODS)
     monkeypatch.setitem(table.VALUES, "law", (*table.VALUES["law"], "another"))
@@ -235,15 +239,18 @@ def test_the_same_bits_again_and_in_threads_side_by_side() -> None:
 @of_each
 def test_the_energy_balance_closes(name: str) -> None:
     """At this tolerance less than 1e-9 of what is transmitted is left; where a function of the user
-    jumps, what the control of errors leaves of a step there.
+    jumps, what the control of errors leaves of a step there. The equations of an ALE belt leave out
+    less than 1e-4 of what is stored, by the square of its cells.
     """
-    energy = tight(name).energy
+    row, energy = ran(name).drive.row, tight(name).energy
     assert energy is not None and energy.passed[-1] > 0.0
-    jumps = ran(name).drive.row["loads"] in ("function", "compiled")
-    assert np.max(np.abs(energy.residual)) <= (5e-3 if jumps else 1e-9) * energy.passed[-1]
+    bound = (5e-3 if row["loads"] in ("function", "compiled") else 1e-9) * energy.passed[-1]
+    if row["belt"] == "ale":
+        bound = max(bound, 1e-4 * float(np.max(energy.total)))
+    assert np.max(np.abs(energy.residual)) <= bound
 
 
-@of_each
+@of_links
 def test_rates_and_energies_are_those_of_the_oracle(name: str) -> None:
     """Of the running state: rounding only, as in test_oracle.py."""
     drive, _, result = ran(name)
@@ -255,7 +262,9 @@ def test_rates_and_energies_are_those_of_the_oracle(name: str) -> None:
     expected = oracle.unpack(oracle.rhs(state["t"], y, lambda t, theta, omega: torque))
     rate = params._model.rate(state, torque)
     scales = scales_of(rate, params)
-    unknown = {"t", *dense.COUPLING_STATES} | ({"phi", "vphi"} if oracle.freedoms == 2 else set())
+    unknown = {"t", "m", "v", "a", "p", *dense.COUPLING_STATES} | (
+        {"phi", "vphi"} if oracle.freedoms == 2 else set()
+    )
     for key in rate.keys() - unknown:
         want = np.asarray(expected[key])
         if key in ("mu", "slip") and rate[key].size:
@@ -296,7 +305,8 @@ def test_the_method_of_its_row_finds_the_same_motion(name: str) -> None:
         params = drive.scene.params
         moved = result.mounts.travel - tight(name).mounts.travel
         strain = params.info["strain_tension"] / params.belt.axial_stiffness
-        moved *= dense.levers(oracle_of(params))
+        oracle = on_mesh_of if drive.row["belt"] == "ale" else oracle_of
+        moved *= dense.levers(oracle(params))
         assert np.max(np.abs(moved)) <= bound * strain * params.info["length"]
 
 
@@ -354,7 +364,7 @@ def test_effects_are_there_only_where_the_drive_calls_for_them(name: str) -> Non
     drive, _, result = ran(name)
     row, params = drive.row, drive.scene.params
     assert name == table.name_of(row)
-    assert params.belt_model == ("string" if row["belt"] == "string" else "links")
+    assert params.belt_model == {"string": "string", "ale": "cells"}.get(row["belt"], "links")
     outside = any(pulley.side == "outside" for pulley in params.pulleys)
     assert outside == (row["layout"] in ("crossed", "back"))
     friction = params.has_friction
@@ -371,7 +381,9 @@ def test_effects_are_there_only_where_the_drive_calls_for_them(name: str) -> Non
     assert result.energy is not None
     assert (result.energy.drag_loss is not None) == called["bearing drag"]
     assert any("bending" in one for one in result.effects) == (row["bending"] != "-")
-    assert friction == bool(result.contact.friction.any()) == bool(result.contact.slip.any())
+    assert friction == bool(result.contact.friction.any())
+    if row["belt"] != "ale":  # whose places of contact stand still
+        assert friction == bool(result.contact.slip.any())
 
 
 @of_each
