@@ -19,7 +19,7 @@ void bd_nodes_fall(const bd_plan *plan, double *dy) {
 }
 
 void bd_nodes_energy(const bd_plan *plan, const double *y, const bd_joint *joints,
-                     double terms[BD_N_ENERGY]) {
+                     double terms[restrict BD_N_ENERGY]) {
   const bd_model *model = plan->model;
   const bd_layout *lay = &model->lay;
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);

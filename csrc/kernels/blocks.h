@@ -134,8 +134,9 @@ static double sum_runs(int n_runs, const bd_run *runs, const double *array) {
 }
 
 /* From the nodes' velocities without the bodies' to all their unknowns, in place: c becomes the
- * solution, but for friction in contact, and 0 for the padding. A body's column, times its
- * acceleration, is three blocks; the third unknown is that of a link's end. */
+ * solution, but for friction in contact, and 0 behind the last node, all the way to the next block:
+ * differences of states over a step's length make what stands there grow without end. A body's
+ * column, times its acceleration, is three blocks; the third unknown is that of a link's end. */
 INLINE void finish_nodes(const int d, const bd_links *links, double g_, int n_columns,
                          const double *columns, const double *factors, const double *x,
                          const double *y, const double *p, double *c) {
@@ -144,7 +145,7 @@ INLINE void finish_nodes(const int d, const bd_links *links, double g_, int n_co
   const vec g = splat(g_), inv_half = splat(1.0 / links->half), none = splat(0.0);
   double *cx = bd_field(lay, c, F_X), *cvx = bd_field(lay, c, F_VX);
   double *cmu = bd_field(lay, c, F_MU);
-  for (int i = 0; i < lay->n8; i += WIDTH) {
+  for (int i = 0; i < lay->stride - BD_HALO; i += WIDTH) {
     vec v[3] = {load(x + i), load(y + i), d == 3 ? load(p + i) : none};
     for (int j = 0; j < n_columns; ++j) {
       const double *column = columns + (size_t)(3 * j) * stride + i;
@@ -187,12 +188,13 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       vec fx = splat(0.0), fy = splat(0.0), rx = splat(0.0), ry = splat(0.0);
-      for (int k = i; k < i + columns * stride; k += stride) {
-        of_row = fma_(load(row + k), load(cq + k), of_row);
-      }
-      for (int k = i; belt == CENTRES && k < i + 2 * stride; k += stride) {
-        fx = fma_(load(slot->held_x + k), load(cq + k), fx);
-        fy = fma_(load(slot->held_y + k), load(cq + k), fy);
+      for (int m = 0, k = i; m < columns; ++m, k += stride) {
+        const vec q = load(cq + k);
+        of_row = fma_(load(row + k), q, of_row);
+        if (belt == CENTRES) {
+          fx = fma_(load(slot->held_x + k), q, fx);
+          fy = fma_(load(slot->held_y + k), q, fy);
+        }
       }
       for (int k = i; k < i + states * stride; k += stride) {
         const vec z = load(cz + k);
@@ -205,9 +207,11 @@ INLINE void states_product(const int belt, const bd_layout *lay, const bd_tangen
           ry = fma_(load_unaligned(slot->given_y + k + 1), after, ry);
         }
       }
-      const mask link = less(lane_numbers(), splat(lay->n - i)); /* the first comes again behind */
-      x += where(link, fx);
-      y += where(link, fy);
+      if (belt != CENTRES) { /* the first comes again behind */
+        const mask link = less(lane_numbers(), splat(lay->n - i));
+        x += where(link, fx);
+        y += where(link, fy);
+      }
       if (belt == LINKS) {
         const vec half = splat(0.5);
         const link_force f = force_of_ends(load(tangent->cos + i), load(tangent->sin + i),

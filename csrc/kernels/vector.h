@@ -25,7 +25,7 @@
 #if !defined(__GNUC__) || defined(BD_SCALAR)
 #define INLINE static inline
 enum { WIDTH = 1 };
-typedef double vec, vec_in_memory;
+typedef double vec;
 typedef uint64_t bits;
 #else
 #define INLINE static inline __attribute__((always_inline))
@@ -37,7 +37,6 @@ enum { WIDTH = 4 };
 enum { WIDTH = 2 };
 #endif
 typedef double vec __attribute__((vector_size(8 * WIDTH)));
-typedef double vec_in_memory __attribute__((vector_size(8 * WIDTH), may_alias));
 typedef uint64_t bits __attribute__((vector_size(8 * WIDTH)));
 #endif
 
@@ -61,9 +60,10 @@ INLINE void restore_small_numbers(unsigned kept) {
 #endif
 }
 
-/* Aligned, as every block of the state is. */
+/* Aligned, as every block of the state is. To compilers a vector is so many doubles: storing it
+ * changes no pointer and no count, which loops would have to fetch again. */
 INLINE vec load(const double *p) {
-  return *(const vec_in_memory *)p;
+  return *(const vec *)p;
 }
 
 INLINE vec load_unaligned(const double *p) {
@@ -73,7 +73,7 @@ INLINE vec load_unaligned(const double *p) {
 }
 
 INLINE void store(double *p, vec a) {
-  *(vec_in_memory *)p = a;
+  *(vec *)p = a;
 }
 
 /* Lane l to place at[l]. */

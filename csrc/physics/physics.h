@@ -516,8 +516,10 @@ static inline void bd_plan_begin(bd_plan *plan, double *y) {
 /* --- search.c, on a plan --------------------------------------------------------------------- */
 
 /* Runs of all links within `margin` of touching pulley j, and of those beside them: joints have
- * contact of both their links, derivatives by a link those of both its joints. Their number. */
-int bd_search_near(const bd_plan *plan, const double *y, int j, double margin, bd_run *runs);
+ * contact of both their links, derivatives by a link those of both its joints. Looked for in the
+ * runs `within`. Their number. */
+int bd_search_near(const bd_plan *plan, const double *y, int j, double margin, int n_within,
+                   const bd_run *within, bd_run *runs);
 /* Keeps the search list right for a step of length h from y: every link that can touch a pulley
  * within the step is listed. */
 void bd_search_ready(bd_plan *plan, const double *y, double h);

@@ -19,7 +19,8 @@ void bd_search_carve(bd_carver *carver, bd_search *search, const bd_layout *lay)
   BD_KEEP_INDEXES(carver, search->runs, 2 * lay->np * search->max_runs, 0, lay->n8);
 }
 
-int bd_search_near(const bd_plan *plan, const double *y, int j, double margin, bd_run *runs) {
+int bd_search_near(const bd_plan *plan, const double *y, int j, double margin, int n_within,
+                   const bd_run *within, bd_run *runs) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *pulley = &plan->contact_pulleys[j];
   const double *x = bd_cfield(lay, y, F_X), *yy = bd_cfield(lay, y, F_Y);
@@ -27,18 +28,20 @@ int bd_search_near(const bd_plan *plan, const double *y, int j, double margin, b
   const int beside = plan->model->belt_model->facts.reach > 0.0;
   const double reach = pulley->radius + (beside ? plan->links.half : 0.0) + margin;
   int n_runs = 0;
-  for (int begin = 0; begin < lay->n; begin += BD_LANES) {
-    const int end = begin + BD_LANES < lay->n ? begin + BD_LANES : lay->n;
-    int near = 0;
-    for (int i = begin - beside; !near && i < end + beside; ++i) {
-      const int k = i < 0 ? lay->n - 1 : i < lay->n ? i : 0;
-      const double dx = x[k] - pulley->x, dy = yy[k] - pulley->y;
-      near = !(dx * dx + dy * dy > reach * reach);
-    }
-    if (near && n_runs > 0 && runs[n_runs - 1].end == begin) {
-      runs[n_runs - 1].end = begin + BD_LANES;
-    } else if (near) {
-      runs[n_runs++] = (bd_run){begin, begin + BD_LANES};
+  for (const bd_run *in = within; in < within + n_within; ++in) {
+    for (int begin = in->begin; begin < in->end; begin += BD_LANES) {
+      const int end = begin + BD_LANES < lay->n ? begin + BD_LANES : lay->n;
+      int near = 0;
+      for (int i = begin - beside; !near && i < end + beside; ++i) {
+        const int k = i < 0 ? lay->n - 1 : i < lay->n ? i : 0;
+        const double dx = x[k] - pulley->x, dy = yy[k] - pulley->y;
+        near = !(dx * dx + dy * dy > reach * reach);
+      }
+      if (near && n_runs > 0 && runs[n_runs - 1].end == begin) {
+        runs[n_runs - 1].end = begin + BD_LANES;
+      } else if (near) {
+        runs[n_runs++] = (bd_run){begin, begin + BD_LANES};
+      }
     }
   }
   return n_runs;
@@ -75,7 +78,8 @@ void bd_search_ready(bd_plan *plan, const double *y, double h) {
     bd_mounts_put(plan, y);
     for (int j = 0; j < plan->model->lay.np; ++j) {
       search->n_runs[j] =
-          bd_search_near(plan, y, j, search->margin, search->runs + j * search->max_runs);
+          bd_search_near(plan, y, j, search->margin, 1, &(bd_run){0, plan->model->lay.n8},
+                         search->runs + j * search->max_runs);
     }
   }
 }

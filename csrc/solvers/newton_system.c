@@ -59,8 +59,9 @@ int bd_newton_check(const bd_plan *plan, const char *method, bd_error *err) {
   return BD_OK;
 }
 
-/* Of contact which links touch which pulley: whether it is linearised as it stands or as a step
- * of some length finds it depends on the method (bd_newton_factor). */
+/* Of contact which links touch which pulley, of those that a step of the length searched for may
+ * bring there: whether it is linearised as it stands or as a step of some length finds it depends
+ * on the method (bd_newton_factor). */
 static void nodes_linearise(bd_newton_system *system, const bd_plan *plan, const double *y) {
   const bd_layout *lay = &plan->model->lay;
   bd_derivatives *at = &system->at;
@@ -68,7 +69,8 @@ static void nodes_linearise(bd_newton_system *system, const bd_plan *plan, const
   for (int j = 0; j < lay->np; ++j) {
     at->contact_pulleys[j] = plan->contact_pulleys[j];
     at->contact_pulleys[j].omega = y[lay->rim[j]];
-    at->n_runs[j] = bd_search_near(plan, y, j, at->ahead, runs_of(system, j));
+    at->n_runs[j] = bd_search_near(plan, y, j, at->ahead, plan->search.n_runs[j],
+                                   bd_runs_of(plan, j), runs_of(system, j));
   }
 }
 
@@ -334,7 +336,8 @@ static void nodes_finish(const bd_newton_system *system, const bd_plan *plan, in
 
 void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
   const bd_layout *lay = &plan->model->lay;
-  if (plan->model->belt_model->facts.reach > 0.0) { /* neighbours move points */
+  const int along = plan->model->belt_model->facts.reach > 0.0; /* neighbours move points */
+  if (along) {
     bd_newton_close(lay, c);
   }
   for (int j = 0; j < lay->np; ++j) {
@@ -351,16 +354,8 @@ void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, doub
         bd_cfield(lay, c, F_VX), bd_field(lay, c, bd_f_state(lay, pulley->slot)),
         bd_field(lay, c, bd_f_slip(lay, pulley->slot)));
   }
-}
-
-/* Solutions do not move what stands behind the last node in a state, down to the end of its last
- * vector: differences of states over a step's length make it grow without end. */
-static void nodes_restore(const bd_newton_system *system, const bd_plan *plan, double *c) {
-  bd_newton_restore(system, plan, c);
-  const bd_layout *lay = &plan->model->lay;
-  const int n = lay->n;
-  for (double *v = bd_field(lay, c, F_X); v < c + lay->theta; v += lay->stride) {
-    memset(v + n, 0, (size_t)(lay->stride - BD_HALO - n) * sizeof *v);
+  for (double *v = bd_field(lay, c, F_X); along && v < c + lay->theta; v += lay->stride) {
+    v[lay->n] = 0.0;
   }
 }
 
@@ -373,7 +368,7 @@ const bd_newton_belt bd_newton_nodes = {.carve = bd_nodes_newton_carve,
                                         .bodies = bd_axis_entries,
                                         .product = nodes_product,
                                         .finish = nodes_finish,
-                                        .restore = nodes_restore,
+                                        .restore = bd_newton_restore,
                                         .entries = bd_newton_entries};
 
 void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
