@@ -136,7 +136,8 @@ def on_mesh_of(params: bd.Params, **changes: Any) -> ale_reference.Ale:
     """That oracle with the cells of the core's belt."""
     arcs = float(np.dot(params.route.wraps, [pulley.radius for pulley in params.pulleys]))
     cell = arcs / (params.belt.n_bodies - 2 * len(params.pulleys))
-    model = ale_oracle_of(params, cell=cell, **changes)
+    n_modes = int(params.info["n_modes"]) // len(params.pulleys)
+    model = ale_oracle_of(params, cell=cell, n_modes=n_modes, **changes)
     assert model.n == params.info["n_bodies"]
     return model
 

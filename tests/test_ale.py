@@ -191,3 +191,20 @@ def test_its_energy_balance_closes(friction: bool, bound: float) -> None:
     )  # fmt: skip
     assert found.energy is not None
     assert np.abs(found.energy.residual).max() < bound * found.energy.axial[0]
+
+
+def test_it_ends_where_its_equations_do() -> None:
+    """In words, with the pulley and what to take, not in numbers that nobody asked for: a span that
+    swings far, a belt that hangs slack; and a start at which waves do not overtake the belt.
+    """
+    params = ale(drives.scene_u().params, 50)
+    rest, still = bd.settle(params), bd.Viscous([0.0, 0.0])
+    bent = attrs.evolve(rest, a=rest.a + 0.03 * (np.arange(rest.a.size) == 0))
+    with pytest.raises(bd.SimulationError, match=r'behind pulley 0 swings.*take mesh="joint"'):
+        bd.simulate(params, still, 1e-3, initial=bent)
+    slow = bd.settle(params, speed={0: -600.0}, friction=False)
+    faster = attrs.evolve(slow, v=3.0 * slow.v, omega=3.0 * slow.omega)
+    with pytest.raises(bd.SimulationError, match=r'slack at t = .*take mesh="joint"'):
+        bd.simulate(params, still, 1e-3, initial=faster)
+    with pytest.raises(ValueError, match=r"speed must be below 66\.\d+ m/s"):
+        bd.settle(params, speed={0: -1400.0})
