@@ -105,7 +105,7 @@ def put_state(model: Ale, y: Array) -> None:
         if model.mounts[j].carries_bearing:
             own[i][1] += float(resists[j])
     put("torque_of_belt", model.get(rate, "omega") * model.inertias + resists)
-    put("W", ax.share)
+    put("W", np.stack((ax.share, ax.cuts), axis=-3))
     put("ax_tension", ax.tension)
     put("ax_flow", ax.flow)
     put("ax_pressing", ax.pressing)

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from ale_reference_mesh import LEDGER, SLOPES, Geometry, Mesh, dot
-from reference_friction import Array, Dahl, LuGre, MaxwellSlip, Stateless
+from reference_friction import Array, MaxwellSlip, Stateless
 from scipy.interpolate import CubicSpline
 
 
@@ -33,7 +33,8 @@ class Axial:
     sink: Array  # d, arcs
     slid: Array  # w, nodes: v less V.t
     pressing: Array  # H of all cells
-    share: Array  # W at both ends of the cells on arcs (..., 2, N_arc)
+    share: Array  # W at both ends of what lies of the cells on arcs (..., 2, N_arc)
+    cuts: Array  # where these ends are, as fractions of the cell; twice 0 where nothing lies
     normal: Array  # N of both ends
     apart: Array  # w of a cell's last node less that of its first, in spans of v
     static: Array  # A_n(H) of the spans (..., n_p, K)
@@ -149,54 +150,63 @@ class Ale(Mesh):
         pressing[..., spans] = pressing_span
         centrifugal = self.linear_density * mean**2 / stretch[..., arcs]
         pressing[..., arcs] = tension[..., arcs] - centrifugal
-        share = self.held if self.held is not None else self.boundary(pressing_span, geo.wrap)
+        held = self.held if self.held is not None else self.boundary(pressing_span, geo.wrap)
+        share, cuts = held[..., 0, :, :], held[..., 1, :, :]
         normal = 0.5 * (np.maximum(0.0, pressing[..., arcs]) * angle)[..., None, :] * share
         return Axial(
             length=length, stretch=stretch, at_node=at_node, elastic=elastic, tension=tension,
             flow=past / at_node, past=past, sink=sink, slid=slid, pressing=pressing,
-            share=share, normal=normal, apart=rate, static=static, path=path,
+            share=share, cuts=cuts, normal=normal, apart=rate, static=static, path=path,
         )  # fmt: skip
 
     def boundary(self, pressing: Array, wrap: Array) -> Array:
-        """W at both ends of the cells on arcs (..., 2, N_arc), from H of the spans: the ends of a
-        wrap carry nothing. Load and its first moment are kept in each cell. [3]
+        """W, and what lies of a cell as fractions of it, at both ends of what lies of the cells on
+        arcs (..., 2, 2, N_arc), from H of the spans: the belt touches from e on. Load and its first
+        moment are kept in each cell. [3]
         """
-        ei = self.bending_stiffness
+        ei, of = self.bending_stiffness, self.arc_pulley
         if ei == 0.0 or not self.boundary_layers:
-            return np.ones((*pressing.shape[:-1], 2, len(self.arcs)))
-        reach = np.sqrt(ei / np.maximum(pressing, SLOPES[0] * self.h_0))
-        of = self.arc_pulley
+            cuts = np.broadcast_to(np.array([[0.0], [1.0]]), (2, len(self.arcs)))
+            held = np.stack((np.ones_like(cuts), cuts))
+            return np.broadcast_to(held, (*pressing.shape[:-1], *held.shape))
         whole = (self.radii * wrap)[..., of]
-        l_in, l_out = np.roll(reach, 1, axis=-1)[..., of], reach[..., of]
-        over = l_in + l_out > 0.9 * whole
-        l_in, l_out = np.where(over, 0.45 * whole, l_in), np.where(over, 0.45 * whole, l_out)
-        beta = (self.contact[1] / (4.0 * ei)) ** 0.25
+        h = np.maximum(pressing, SLOPES[0] * self.h_0)
+        c1, c2 = self.contact
+        ends = []
+        for force in (np.roll(h, 1, axis=-1)[..., of], h[..., of]):
+            stiff = 0.5 * (c2 + np.sqrt(c2**2 + 4.0 * c1 * force / self.radii[of]))  # N / d
+            square = 0.5 * np.sqrt(stiff / ei)
+            p = np.sqrt(square + 0.25 * force / ei)
+            q = np.sqrt(np.maximum(square - 0.25 * force / ei, 1e-6 * square))
+            e = np.minimum(np.sqrt(ei / force) - p / square, 0.45 * whole)
+            ends.append((e, p, q, (1.0 + p * e) / q))
+        first, last = ends[0][0], whole - ends[1][0]
 
-        b = whole - l_out
-
-        def past(x: Array) -> tuple[Array, Array]:
-            """phi and its integral."""
-            x = np.maximum(x, 0.0)
-            fades = np.exp(-beta * x)
-            sine, cosine = np.sin(beta * x), np.cos(beta * x)
-            return 1.0 - fades * (cosine - sine), x - fades * sine / beta
+        def more(x: Array, end: tuple[Array, ...]) -> tuple[Array, Array]:
+            """What is carried more than H/R up to x behind the touching point, less what it is far
+            from there, over H/R; and its integral.
+            """
+            e, p, q, over = end
+            fades, sine, cosine = np.exp(-p * x), np.sin(q * x), np.cos(q * x)
+            sums = e * (p * cosine - q * sine) + over * (p * sine + q * cosine)
+            return -fades * (e * cosine + over * sine), fades * sums / (p**2 + q**2)
 
         def carried(s: Array) -> tuple[Array, Array]:
-            """What is carried from the start to s, as a length, and its integral."""
-            first, last = past(s - l_in), past(b - s)
-            sums = np.where(s < l_in, l_in * s, 0.5 * (s**2 + l_in**2))
-            sums = np.where(s > b, b * s + 0.5 * (l_in**2 - b**2), sums)
-            return (
-                np.clip(s, l_in, b) + l_in * first[0] - l_out * last[0],
-                sums + l_in * first[1] + l_out * last[1],
-            )
+            """Of both ends together, from the start to s."""
+            one, other = more(s - first, ends[0]), more(last - s, ends[1])
+            return one[0] - other[0], one[1] + other[1]
 
         part = whole / self.on[of]
         begin = self.fraction[self.arcs] * whole
-        (c_0, sum_0), (c_1, sum_1) = carried(begin), carried(begin + part)
-        mean = (sum_1 - sum_0) / part
-        share = 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2) / part[..., None, :]
-        return np.where(share > 1e-9, share, 0.0)  # what is left of rounding carries nothing
+        s_0, s_1 = np.clip(begin, first, last), np.clip(begin + part, first, last)
+        lies = s_1 - s_0 > 0.02 * part
+        (c_0, sum_0), (c_1, sum_1) = carried(s_0), carried(s_1)
+        mean = (sum_1 - sum_0) / np.where(lies, s_1 - s_0, 1.0)
+        share = (s_1 - s_0)[..., None, :] + 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2)
+        share = share / part[..., None, :]
+        cuts = np.stack((s_0 - begin, s_1 - begin), axis=-2) / part[..., None, :]
+        held = np.stack((np.maximum(share, 0.0), cuts), axis=-3)
+        return np.where(lies[..., None, None, :], held, 0.0)
 
     # ---- [4] friction --------------------------------------------------------------------------
 
@@ -205,17 +215,23 @@ class Ale(Mesh):
         z, omega = self.get(y, "z"), self.get(y, "omega")
         m = self.get(y, "m")[..., self.arcs]
         of, nodes = self.arc_pulley, np.stack((self.arcs, self.next[self.arcs]))
-        rho = (self.radii + self.compensated)[of] - ax.sink
-        rim = (self.sense * self.s * omega)[..., of] * rho
-        slip = ax.slid[..., nodes] - rim[..., None, :]
+        part = ax.cuts[..., 1, :] - ax.cuts[..., 0, :]
+        lies = part > 0.0
+        part = np.where(lies, part, 1.0)[..., None, :]
+        rho = self.places_rho(ax)
+        rim = (self.sense * self.s * omega)[..., None, of] * rho
+        ends = ax.slid[..., nodes]
+        slip = (1.0 - ax.cuts) * ends[..., :1, :] + ax.cuts * ends[..., 1:, :] - rim
         force, rate = np.zeros_like(slip), np.zeros_like(z)
-        per_metre = 2.0 * ax.normal / m[..., None, :]
+        on_belt = 0.5 * m[..., None, :] * part
+        per_metre = ax.normal / on_belt
         carry = 0.5 * (ax.flow[..., nodes[0]] + ax.flow[..., nodes[1]])
         for j, law in enumerate(self.friction):
             if law is None:
                 continue
             on = self.on_arc[j]
-            z_j, flow, m_j = z[..., on], carry[..., None, on], m[..., None, on]
+            z_j, flow = z[..., on], carry[..., None, on]
+            m_j, lying = 2.0 * on_belt[..., 0, None, on], lies[..., None, on]
             for side in (0, 1):
                 state = (
                     z_j[..., :, side, :] if isinstance(law, MaxwellSlip) else z_j[..., 0, side, :]
@@ -223,12 +239,11 @@ class Ale(Mesh):
                 if isinstance(law, MaxwellSlip):
                     state = state[..., : law.n_states, :]
                 args = state, slip[..., side, on], per_metre[..., side, on], 1.0
-                force[..., side, on] = law.force(*args) * 0.5 * m[..., on]
+                force[..., side, on] = law.force(*args) * on_belt[..., 0, on] * lies[..., on]
                 if isinstance(law, Stateless):
                     continue
                 own = law.rate(*args)
-                if isinstance(law, Dahl | LuGre):
-                    own = own * (ax.share[..., side, on] > 0.0)
+                own = own * (lying if isinstance(law, MaxwellSlip) else lies[..., on])
                 rate[..., : law.n_states, side, on] = (
                     own if isinstance(law, MaxwellSlip) else own[..., None, :]
                 )
@@ -241,9 +256,20 @@ class Ale(Mesh):
             mean, half = 0.5 * (z_a + z_b), 0.5 * (z_a - z_b)
             r_1 = flow * np.where(flow >= 0.0, arrives - mean, half)
             r_2 = flow * np.where(flow >= 0.0, half, mean - returns)
-            rate[..., 0, on] += (4.0 * r_1 - 2.0 * r_2) / m_j
-            rate[..., 1, on] += (4.0 * r_2 - 2.0 * r_1) / m_j
+            rate[..., 0, on] += (4.0 * r_1 - 2.0 * r_2) / m_j * lying
+            rate[..., 1, on] += (4.0 * r_2 - 2.0 * r_1) / m_j * lying
         return force, slip, rate
+
+    def places_rho(self, ax: Axial) -> Array:
+        """Radii on which the places of friction are (..., 2, N_arc): the depth goes as W."""
+        part = ax.cuts[..., 1, :] - ax.cuts[..., 0, :]
+        depth = ax.sink[..., None, :] * ax.share / np.where(part > 0.0, part, 1.0)[..., None, :]
+        return (self.radii + self.compensated)[self.arc_pulley] - depth
+
+    def on_ends(self, ax: Axial, force: Array) -> Array:
+        """Friction as it acts on both nodes of the cells, (..., 2, N_arc)."""
+        after = (ax.cuts * force).sum(axis=-2)
+        return np.stack((force.sum(axis=-2) - after, after), axis=-2)
 
     # ---- [5] momentum, [6] modes, [7] mounts, pulleys ------------------------------------------
 
@@ -303,8 +329,9 @@ class Ale(Mesh):
         through = rho * 0.25 * (ax.past + ax.past[..., nxt]) / ax.stretch
         convected, convected_n = self.convected(geo, ax, u_n, through)
         on_nodes = np.zeros_like(v)
-        np.add.at(on_nodes, (..., arcs), -force[..., 0, :])
-        np.add.at(on_nodes, (..., nxt[arcs]), -force[..., 1, :])
+        rubs = self.on_ends(ax, force)
+        np.add.at(on_nodes, (..., arcs), -rubs[..., 0, :])
+        np.add.at(on_nodes, (..., nxt[arcs]), -rubs[..., 1, :])
         losing = self.losing(geo, ax)
         np.add.at(on_nodes, (..., np.stack((spans, ends))), -losing)
         total = stiff + on_nodes - convected
@@ -337,9 +364,8 @@ class Ale(Mesh):
         torque = np.zeros(omega.shape)
         if self.torque is not None:
             torque = torque + self.torque(t, theta, omega)
-        rim = (self.radii + self.compensated)[self.arc_pulley] - ax.sink
-        friction = force.sum(axis=-2)
-        pulls = (self.sense * self.s)[self.arc_pulley] * rim * friction
+        pulls = (self.places_rho(ax) * force).sum(axis=-2)
+        pulls = (self.sense * self.s)[self.arc_pulley] * pulls
         of_belt = np.stack(
             [pulls[..., self.on_arc[j]].sum(axis=-1) for j in range(self.n_p)], axis=-1
         )
@@ -356,7 +382,7 @@ class Ale(Mesh):
 
         works = np.zeros((*omega.shape[:-1], len(LEDGER)))
         ddq, share_rate, works[..., 5] = self.mount_rows(
-            y, geo, ax, force, density_at, convected_n, dp, da, resists, losing
+            y, geo, ax, rubs, density_at, convected_n, dp, da, resists, losing
         )
         works[..., 0] = (torque * omega).sum(axis=-1)
         works[..., 1] = ((ax.tension - ax.elastic) ** 2 * m).sum(axis=-1) / (

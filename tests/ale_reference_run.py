@@ -190,12 +190,13 @@ def run(
     states, at = [y], 1
     hold(model, y)
     done = rejected = 0
-    fresh = False
+    fresh, renewed = False, t
     while at < len(times):
         if not fresh:
             before = model.held
             hold(model, y)
-            y = relaid(model, y, before)
+            y = relaid(model, y, before, t - renewed)
+            renewed = t
             rate, jac = model.rate(t, y), jacobian(model, t, y)
             by_time = (model.rate(t + 1e-8, y) - rate) / 1e-8
             fresh = True
@@ -240,16 +241,42 @@ def run(
 def hold(model: Ale, y: Array) -> None:
     """Freeze W of the ends of wraps as this state has it."""
     object.__setattr__(model, "held", None)
-    object.__setattr__(model, "held", model.axial(y, model.geometry(0.0, y)).share)
+    ax = model.axial(y, model.geometry(0.0, y))
+    object.__setattr__(model, "held", np.stack((ax.share, ax.cuts), axis=-3))
 
 
-def relaid(model: Ale, y: Array, before: Array) -> Array:
-    """Belt that lifts off a pulley forgets its friction, what is laid on again brings z = 0: where
-    the pressed part of a cell's end has grown, z is the mean over what was and what has come.
+def relaid(model: Ale, y: Array, before: Array, elapsed: float) -> Array:
+    """Belt that lifts off a pulley forgets its friction. What comes to lie of a cell has the states
+    of its neighbour as far as the flow has brought it, else 0; states of the cell are the linear
+    ones of the same mean and first moment.
     """
-    y, now = y.copy(), model.held
-    was = np.minimum(before, 1.0) / np.maximum(np.minimum(now, 1.0), 1e-9)
-    z = model.get(y, "z") * np.where(now > 0.0, np.minimum(was, 1.0), 0.0)
+    y, ax = y.copy(), model.axial(y, model.geometry(0.0, y))
+    z, of = model.get(y, "z").copy(), model.arc_pulley
+    cells, next_ = model.arcs, model.next[model.arcs]
+    whole = (model.radii * model.geometry(0.0, y).wrap / model.on)[of]
+    flown = 0.5 * (ax.past[cells] + ax.past[next_]) * elapsed / whole
+    for on in model.on_arc.values():
+        order = range(on.start, on.stop)
+        for c in reversed(order) if ax.past[cells[on.start]] < 0.0 else order:
+            (was_0, was_1), (now_0, now_1) = before[1, :, c], model.held[1, :, c]
+            left, right = (
+                max(now_0, was_0 + min(0.0, flown[c])),
+                min(now_1, was_1 + max(0.0, flown[c])),
+            )
+            if now_1 == now_0:
+                z[:, :, c] = 0.0
+            elif was_1 == was_0:
+                other = c - 1 if flown[c] > 0.0 else c + 1
+                comes = z[:, 1 if flown[c] > 0.0 else 0, other] if other in order else 0.0
+                z[:, :, c] = np.reshape(comes * min(1.0, abs(flown[c]) / (now_1 - now_0)), (-1, 1))
+            else:
+                slope = (z[:, 1, c] - z[:, 0, c]) / (was_1 - was_0)
+                a, b = z[:, 0, c] + slope * (left - was_0), z[:, 0, c] + slope * (right - was_0)
+                begin, end = (np.array((left, right)) - now_0) / (now_1 - now_0)
+                part = end - begin  # moments by what a linear function has on begin to end
+                mean = 0.5 * part * (a + b)
+                first = part * (begin * 0.5 * (a + b) + part * (a / 6.0 + b / 3.0))
+                z[:, 0, c], z[:, 1, c] = 4.0 * mean - 6.0 * first, 6.0 * first - 2.0 * mean
     y[model.layout["z"][0]] = z.ravel()
     return y
 

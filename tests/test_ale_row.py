@@ -100,8 +100,8 @@ def test_its_jacobian_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     params = flowing(scene().params, 40 if scene not in MOUNTED else 60)
     model = on_mesh_of(params)
     y, scale = displaced(model, speed, amplitude=0.01), runs.scales(model)
-    share = model.axial(y, model.geometry(0.0, y)).share
-    model = dataclasses.replace(model, held=share)
+    ax = model.axial(y, model.geometry(0.0, y))
+    model = dataclasses.replace(model, held=np.stack((ax.share, ax.cuts), axis=-3))
     at = core_places(model, params)
     rows, columns, values = params._model.jacobian(state_of(model, y)._to_core(params))
     ours = np.zeros((at.size, at.size))

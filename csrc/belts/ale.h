@@ -108,6 +108,7 @@ typedef struct bd_ale_belt {
   int *slot;                 /* of cells, as the state vector has them */
   double *carried, *inertia; /* (mounts, mounts) */
   double *forces;            /* (2, mounts), at rest */
+  double *renewed;           /* when ends of wraps were, last; NaN: in no step */
 } bd_ale_belt;
 
 /* Between state vectors and slabs. */

@@ -90,6 +90,7 @@ static void fill_cell(const filling *f, int j, int k) {
   const flow_slopes in = flow_by(f, slot), out = flow_by(f, slot + 1);
   const double per_m = 1.0 / f->y->m[slot];
   const double flow = 0.5 * per_m * (ale->flow[slot] + ale->flow[slot + 1]);
+  const double lies = ale->lies[slot] / (ale->cut_b[slot] - ale->cut_a[slot]);
   const int back = flow < 0.0;
   last[0] = in.before;
   own[0] = in.here - out.before;
@@ -98,7 +99,9 @@ static void fill_cell(const filling *f, int j, int k) {
   v_next[0] = -out.v;
   for (int e = 0; e < 2 * states; ++e) {
     const int end = e / states, row_e = 1 + e, at = e % states * f->y->stride + slot;
-    const double *share = upwind[back][end], a = f->y->z[0][at], b = f->y->z[1][at];
+    const double share[3] = {lies * upwind[back][end][0], lies * upwind[back][end][1],
+                             lies * upwind[back][end][2]};
+    const double a = f->y->z[0][at], b = f->y->z[1][at];
     const double comes = back ? f->y->z[0][at + 1] : f->y->z[1][at - 1];
     const double moves = per_m * (share[0] * a + share[1] * b + share[2] * comes);
     last[row_e] = 0.5 * moves * in.before;
@@ -148,8 +151,11 @@ static void fill_node(const filling *f, int j, int k) {
       per * (of_last[BD_ALE_RIM][slot - 1] + of_next[BD_ALE_RIM][slot]);
   for (int e = 0; e < states; ++e) {
     const int at = e * f->newton->stride + slot;
-    last[(1 + states + e) * lead] = per * by->total_z[1][at - 1];
-    next[(1 + e) * lead] = per * by->total_z[0][at];
+    for (int end = 0; end < 2; ++end) {
+      const double *cut = end == 0 ? f->ale->cut_a : f->ale->cut_b;
+      last[(1 + end * states + e) * lead] = per * by->total_z[end][at - 1] * cut[slot - 1];
+      next[(1 + end * states + e) * lead] = per * by->total_z[end][at] * (1.0 - cut[slot]);
+    }
   }
 }
 
@@ -160,7 +166,7 @@ static void fill_torque(const filling *f, int j) {
   double *const row = f->newton->row, *const *const torque = by->torque;
   f->newton->own[j] = 0.0;
   for (int slot = arc->begin; slot < arc->begin + arc->n; ++slot) {
-    const double lever = -arc->sense * (arc->radius + arc->raised - f->ale->sink[slot]);
+    const double part = f->ale->cut_b[slot] - f->ale->cut_a[slot];
     const double before = slot > arc->begin ? torque[BD_ALE_V_AFTER][slot - 1] : 0.0;
     double *const cell = beside(f, row, j, cell_at(f, slot));
     *beside(f, row, j, node_at(f, slot)) = torque[BD_ALE_V][slot] + before;
@@ -168,8 +174,9 @@ static void fill_torque(const filling *f, int j) {
     cell[0] = torque[BD_ALE_M][slot];
     f->newton->own[j] += torque[BD_ALE_RIM][slot];
     for (int e = 0; e < 2 * arc->states; ++e) {
-      cell[1 + e] =
-          lever * by->total_z[e / arc->states][e % arc->states * f->newton->stride + slot];
+      const double share = (e < arc->states ? f->ale->share_a : f->ale->share_b)[slot] / part;
+      cell[1 + e] = -arc->sense * (arc->radius + arc->raised - f->ale->sink[slot] * share) *
+                    by->total_z[e / arc->states][e % arc->states * f->newton->stride + slot];
     }
   }
 }
@@ -262,9 +269,11 @@ static void fill_beside(const filling *f, int i, int end) {
   respond(f, i, entry(f, row, node_at(f, node)), 0.0, end,
           total[end == 0 ? BD_ALE_V : BD_ALE_V_AFTER][cell]);
   respond(f, i, beside(f, f->newton->column, j, row), 0.0, end, total[BD_ALE_RIM][cell]);
-  for (int e = 0; e < states; ++e) {
-    respond(f, i, to + (1 + (1 - end) * states + e) * lead, 0.0, end,
-            by->total_z[1 - end][e * f->newton->stride + cell]);
+  for (int e = 0; e < 2 * states; ++e) {
+    const double cut = (e < states ? f->ale->cut_a : f->ale->cut_b)[cell];
+    respond(f, i, to + (1 + e) * lead, 0.0, end,
+            by->total_z[e / states][e % states * f->newton->stride + cell] *
+                (end == 0 ? cut : 1.0 - cut));
   }
 }
 
@@ -328,9 +337,13 @@ static void push_by_arc(const filling *f, int j) {
                       arc->half_turn * (quarter * w + through));
     }
     by_rim[j] += along_lever(ale, j, node, -total[BD_ALE_RIM][slot], 0.0);
-    for (int e = 0; e < arc->states; ++e) {
-      cell[1 + end * arc->states + e] +=
-          along_lever(ale, j, node, -by->total_z[end][e * f->newton->stride + slot], 0.0);
+    for (int e = 0; e < 2 * arc->states; ++e) {
+      const double cut = (e < arc->states ? ale->cut_a : ale->cut_b)[slot];
+      cell[1 + e] +=
+          along_lever(ale, j, node,
+                      -by->total_z[e / arc->states][e % arc->states * f->newton->stride + slot] *
+                          (end == 0 ? 1.0 - cut : cut),
+                      0.0);
     }
   }
 }

@@ -99,10 +99,13 @@ static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   BD_CARVE(carver, to->inertia, model->lay.nm * model->lay.nm);
   BD_CARVE(carver, to->forces, 2 * model->lay.nm);
   /* W is that of the last step; states follow from how it changes */
-  bd_keep(carver, (bd_kept){BD_KEPT_BEHIND, &to->ale.share_a,
-                            (size_t)to->ale.slots * sizeof(double), 0, 0});
-  bd_keep(carver, (bd_kept){BD_KEPT_BEHIND, &to->ale.share_b,
-                            (size_t)to->ale.slots * sizeof(double), 0, 0});
+  double **const kept[] = {&to->ale.share_a, &to->ale.share_b, &to->ale.cut_a, &to->ale.cut_b,
+                           &to->ale.lies};
+  BD_KEEP(carver, to->renewed, 1);
+  for (size_t k = 0; k < sizeof kept / sizeof *kept; ++k) {
+    bd_keep(carver,
+            (bd_kept){BD_KEPT_BEHIND, kept[k], (size_t)to->ale.slots * sizeof(double), 0, 0});
+  }
   if (!carver->base) {
     return;
   }
@@ -305,6 +308,7 @@ static void list(bd_plan *plan, const double *y, double h) {
     bd_mounts_put(plan, y);
     bd_ale_evaluate(plan, y);
     plan->ale->kernels->freeze(&plan->ale->ale, NULL);
+    *plan->ale->renewed = (double)NAN;
     plan->search.travelled = 0.0;
   }
 }
@@ -423,6 +427,8 @@ static int after_step(bd_plan *plan, double t, double *y, double tolerance, int 
   }
   belt->kernels->stretch(&belt->ale, &belt->y);
   BD_TRY(check_limits(plan, t, err));
+  belt->ale.elapsed = *belt->renewed <= t ? t - *belt->renewed : 0.0;
+  *belt->renewed = t;
   belt->kernels->freeze(&belt->ale, &belt->y);
   bound_states(plan, tolerance, changed);
   note_changes(plan, y);

@@ -72,10 +72,11 @@ typedef struct bd_ale_span {
 } bd_ale_span;
 
 /* A block of numbers by slot each. Fixed: of nodes the fraction of the wrap, 1 in cells of arcs,
- * else 0; in a step W at both ends of cells. Of nodes: t, Omega, V.n; w, c; J, 1 / lambda; what
- * moves them. Of cells: d, lambda, T without damping and with it, H, energy of bending per metre.
- * Of both ends of cells friction, and F (u' - u) along t and n. */
-#define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(share_a) X(share_b)
+ * else 0; in a step W at both ends of what lies on the pulley of a cell, these ends as fractions of
+ * it (0 and 1 if nothing does), 1 if something lies there, else 0. Of nodes: t, Omega, V.n; w, c;
+ * J, 1 / lambda; what moves them. Of cells: d, lambda, T without damping and with it, H, energy of
+ * bending per metre. Of both ends of cells friction, and F (u' - u) along t and n. */
+#define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(share_a) X(share_b) X(cut_a) X(cut_b) X(lies)
 #define BD_ALE_AT_NODES(X) X(tx) X(ty) X(turn) X(across) X(slid) X(past)
 #define BD_ALE_THROUGH_NODES(X) X(flow) X(per_stretch) X(total)
 #define BD_ALE_OF_CELLS(X) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent)
@@ -90,7 +91,8 @@ typedef struct bd_ale {
   double density, axial, axial_damping, bending, bending_damping; /* rhoA, EA, eta A, EI, eta I */
   double quadratic, linear;                                       /* contact, per metre */
   double gravity[2], rest;                                        /* H0 */
-  int moving; /* axes do, or may: geometry is laid anew */
+  double elapsed; /* since ends of wraps were renewed last */
+  int moving;     /* axes do, or may: geometry is laid anew */
   double gyro[BD_ALE_MODES][BD_ALE_MODES], odd[BD_ALE_MODES], parts[2][BD_ALE_MODES];
   double left_over[3]; /* of a span's consistent mass what its modes do not carry */
   bd_ale_arc *arcs;

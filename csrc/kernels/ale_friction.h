@@ -1,32 +1,57 @@
 /* SPDX-License-Identifier: MIT
  *
- * ALE belt (MODEL section 11.4): friction at both ends of the cells on an arc, and the transport of
- * its states with the belt (section 4).
+ * ALE belt (MODEL section 11.4): friction at both ends of what lies on the pulley of an arc's
+ * cells, and the transport of its states with the belt.
  */
 
-/* One end of cells at place k: slip velocity and normal force per metre for the law; its force is
- * per metre of belt, of which an end has m / 2. */
+/* What an arc's cells have in common at slot k: what of a cell lies on the pulley, and its half in
+ * metres of belt; what presses, in all. */
+typedef struct lying {
+  vec part, per_part, half_m, pressed, lies;
+} lying;
+
+/* One place of friction of cells, at either end of what lies there: how far it is through the cell,
+ * on which radius; slip velocity and normal force per metre for the law, whose force is per metre
+ * of belt, of which a place has half of what lies. */
 typedef struct rubbing {
   law_at at;
-  vec slip, half_m;
+  vec from, rho, slip;
   mask moves; /* its state */
 } rubbing;
 
-INLINE rubbing rub_at(const bd_ale_arc *arc, vec slid, vec rim, vec share, vec half_m, vec pressed,
-                      vec is_cell) {
-  const vec none = splat(0.0), slip = slid - rim;
-  const vec normal = is_cell * pressed * share / half_m;
-  const mask moves = less(none, arc->held ? share : is_cell);
+INLINE lying lying_at(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_state *y, int k) {
+  const vec half = splat(0.5), part = load(ale->cut_b + k) - load(ale->cut_a + k);
+  return (lying){
+      .part = part,
+      .per_part = splat(1.0) / part,
+      .half_m = half * load(y->m + k) * part,
+      .pressed = half * splat(arc->cell_angle) * larger(load(ale->pressing + k), splat(0.0)),
+      .lies = load(ale->lies + k),
+  };
+}
+
+INLINE rubbing rub_at(const bd_ale *ale, const bd_ale_arc *arc, const lying *on, int k,
+                      const int end) {
+  const vec none = splat(0.0), share = load((end == 0 ? ale->share_a : ale->share_b) + k);
+  const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
+  const vec from = load((end == 0 ? ale->cut_a : ale->cut_b) + k);
+  const vec depth = load(ale->sink + k) * share * on->per_part;
+  const vec rho = splat(arc->radius + arc->raised) - depth;
+  const vec slip = fma_(from, there - here, here) - splat(arc->sense * arc->axis.omega) * rho;
   return (rubbing){
-      .at = {.v = is_cell * where(moves, slip), .normal = normal, .touch = less(none, is_cell)},
+      .at = {.v = where(less(none, on->lies), slip),
+             .normal = on->lies * on->pressed * share / on->half_m,
+             .touch = less(none, on->lies)},
+      .from = from,
+      .rho = rho,
       .slip = slip,
-      .half_m = half_m,
-      .moves = moves};
+      .moves = less(none, on->lies),
+  };
 }
 
 /* Force of all elements; their rates are set. */
-INLINE vec rub_end(const law_constants *c, rubbing *end, int states, int stride, const double *z,
-                   double *dz, const int law, const int has_states) {
+INLINE vec rub_end(const law_constants *c, rubbing *end, const lying *on, int states, int stride,
+                   const double *z, double *dz, const int law, const int has_states) {
   vec force = splat(0.0);
   for (int e = 0; e < (has_states ? states : 1); ++e) {
     end->at.element = e;
@@ -37,16 +62,16 @@ INLINE vec rub_end(const law_constants *c, rubbing *end, int states, int stride,
       store(dz + e * stride, value.rate);
     }
   }
-  return force * end->half_m;
+  return on->lies * force * on->half_m;
 }
 
-/* Discontinuous Galerkin of first order: what runs through a cell moves its states by what runs in,
- * which is that of the cell before it, or 0 where the belt comes on. */
-INLINE void carry_states(const bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int k,
-                         int states) {
-  const vec none = splat(0.0), half = splat(0.5), is_cell = load(ale->is_cell + k);
+/* Discontinuous Galerkin of first order: what runs through what lies of a cell moves its states by
+ * what runs in, which is that of the cell before it, or 0 where the belt comes on. */
+INLINE void carry_states(const bd_ale *ale, const lying *on, const bd_ale_state *y,
+                         const bd_ale_state *dy, int k, int states) {
+  const vec none = splat(0.0), half = splat(0.5);
   const vec flow = half * (load(ale->flow + k) + load_unaligned(ale->flow + k + 1));
-  const vec speed = is_cell * flow / load(y->m + k);
+  const vec speed = half * on->lies * flow / on->half_m;
   const mask back = less(flow, none);
   for (int e = 0; e < states; ++e) {
     const int at = e * y->stride + k;
@@ -65,28 +90,21 @@ INLINE void rub(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *d
                 const int has_states) {
   bd_ale_arc *arc = &ale->arcs[j];
   const law_constants c = law_prepare(&arc->friction, 1.0, law);
-  const vec none = splat(0.0), half = splat(0.5), r0 = splat(arc->radius + arc->raised);
-  const vec speed = splat(arc->sense * arc->axis.omega);
-  const vec half_angle = splat(0.5 * arc->cell_angle);
-  vec torque = none, lost = none;
+  vec torque = splat(0.0), lost = torque;
   for (int k = arc->begin; k < arc->begin + arc->n; k += WIDTH) {
-    const vec is_cell = load(ale->is_cell + k), half_m = half * load(y->m + k);
-    const vec rho = r0 - load(ale->sink + k), rim = speed * rho;
-    const vec pressed = half_angle * larger(load(ale->pressing + k), none);
-    rubbing a =
-        rub_at(arc, load(ale->slid + k), rim, load(ale->share_a + k), half_m, pressed, is_cell);
-    rubbing b = rub_at(arc, load_unaligned(ale->slid + k + 1), rim, load(ale->share_b + k), half_m,
-                       pressed, is_cell);
-    const vec force_a = is_cell * rub_end(&c, &a, arc->states, y->stride, y->z[0] + k, dy->z[0] + k,
-                                          law, has_states);
-    const vec force_b = is_cell * rub_end(&c, &b, arc->states, y->stride, y->z[1] + k, dy->z[1] + k,
-                                          law, has_states);
-    store(ale->force_a + k, force_a);
-    store(ale->force_b + k, force_b);
-    torque = fma_(rho, force_a + force_b, torque);
+    const lying on = lying_at(ale, arc, y, k);
+    rubbing a = rub_at(ale, arc, &on, k, 0), b = rub_at(ale, arc, &on, k, 1);
+    const vec force_a =
+        rub_end(&c, &a, &on, arc->states, y->stride, y->z[0] + k, dy->z[0] + k, law, has_states);
+    const vec force_b =
+        rub_end(&c, &b, &on, arc->states, y->stride, y->z[1] + k, dy->z[1] + k, law, has_states);
+    const vec after = fma_(a.from, force_a, b.from * force_b);
+    store(ale->force_a + k, force_a + force_b - after);
+    store(ale->force_b + k, after);
+    torque = fma_(a.rho, force_a, fma_(b.rho, force_b, torque));
     lost = fma_(force_a, a.slip, fma_(force_b, b.slip, lost));
     if (has_states) {
-      carry_states(ale, y, dy, k, arc->states);
+      carry_states(ale, &on, y, dy, k, arc->states);
     }
   }
   arc->torque = arc->sense * sum(torque);

@@ -10,9 +10,10 @@ typedef struct rubbed {
 } rubbed;
 
 /* Friction at one end: the force of all elements, over the metres held; what states have of it. */
-INLINE void slope_end(const law_constants *c, rubbing *rubs, const rubbed *by, vec *force, int n,
-                      int stride, int k, const double *z, const bd_ale_slopes *out, const int end,
-                      const int law, const int has_states) {
+INLINE void slope_end(const law_constants *c, rubbing *rubs, const lying *on, const rubbed *by,
+                      vec *force, int n, int stride, int k, const double *z,
+                      const bd_ale_slopes *out, const int end, const int law,
+                      const int has_states) {
   vec by_normal = splat(0.0), by_slip = by_normal;
   for (int e = 0; e < (has_states ? n : 1); ++e) {
     const int at = e * stride + k;
@@ -28,11 +29,11 @@ INLINE void slope_end(const law_constants *c, rubbing *rubs, const rubbed *by, v
               fma_(slopes.rate_by_normal, by->normal[u], seen * by->slip[u]));
       }
       store(out->rate_z[end] + at, slopes.rate_by_state);
-      store(out->total_z[end] + at, -rubs->half_m * slopes.by_state);
+      store(out->total_z[end] + at, -on->lies * on->half_m * slopes.by_state);
     }
   }
   for (int u = 0; u < BD_ALE_BYS; ++u) {
-    force[u] = rubs->half_m * fma_(by_normal, by->normal[u], by_slip * by->slip[u]);
+    force[u] = on->lies * on->half_m * fma_(by_normal, by->normal[u], by_slip * by->slip[u]);
   }
 }
 
@@ -54,7 +55,7 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
   const vec density = splat(ale->density), damping = splat(ale->axial_damping);
   const vec sense = splat(arc->sense), speed = splat(arc->sense * arc->axis.omega);
   for (int k = arc->begin; k < arc->begin + arc->n; k += WIDTH) {
-    const vec is_cell = load(ale->is_cell + k), m = load(y->m + k), per_m = one / m;
+    const vec m = load(y->m + k), per_m = one / m;
     const vec angle = splat(arc->cell_angle), q = angle * per_m;
     const vec d = load(ale->sink + k), rho = r0 - d, per_rho = one / rho;
     const vec per = one / load(ale->stretch + k), H = load(ale->pressing + k);
@@ -70,44 +71,50 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
     /* F (u' - u) */
     const vec quarter = splat(0.25) * density * per, lags = quarter * apart;
     const vec through = quarter * (load(ale->past + k) + load_unaligned(ale->past + k + 1));
-    const vec presses = is_cell * where(less(none, H), angle * per_m);
-    const rubbed all = {
-        .normal = {[BD_ALE_M] = fma_(thrown * w * per, stretch, pull) - H * per_m,
-                   [BD_ALE_V] = -damped - thrown,
-                   [BD_ALE_V_AFTER] = damped - thrown,
-                   [BD_ALE_RIM] = none},
-        .slip = {speed * sink, none, none, -sense * rho},
+    const lying on = lying_at(ale, arc, y, k);
+    const vec presses = on.lies * where(less(none, H), angle * per_m);
+    const vec normal[BD_ALE_BYS] = {
+        [BD_ALE_M] = fma_(thrown * w * per, stretch, pull) - H * per_m,
+        [BD_ALE_V] = -damped - thrown,
+        [BD_ALE_V_AFTER] = damped - thrown,
+        [BD_ALE_RIM] = none,
     };
-    const vec bent = two * load(ale->bent + k) * per_m, pressed = half * angle * larger(H, none);
+    const vec bent = two * load(ale->bent + k) * per_m;
+    /* friction of both places, of which a part acts on the node behind */
+    const vec before = load(ale->force_a + k), after = load(ale->force_b + k);
     vec torque[BD_ALE_BYS] = {none, none, none, none};
+    vec rubs_on[2][BD_ALE_BYS] = {{none, none, none, none}, {none, none, none, none}};
+    for (int end = 0; law != BD_LAW_NONE && end < 2; ++end) {
+      const vec share = load((end == 0 ? ale->share_a : ale->share_b) + k) * on.per_part;
+      const vec at_last = (after - load(ale->cut_a + k) * (before + after)) * on.per_part;
+      const vec now = end == 0 ? before + after - at_last : at_last;
+      rubbing rubs = rub_at(ale, arc, &on, k, end);
+      rubbed by = {.slip = {speed * share * sink, one - rubs.from, rubs.from, -sense * rubs.rho}};
+      vec force[BD_ALE_BYS];
+      for (int u = 0; u < BD_ALE_BYS; ++u) {
+        by.normal[u] = presses * share * normal[u];
+      }
+      slope_end(&c, &rubs, &on, &by, force, arc->states, y->stride, k, y->z[end], out, end, law,
+                has_states);
+      force[BD_ALE_M] = fma_(now, per_m, force[BD_ALE_M]);
+      torque[BD_ALE_M] = fnma_(share * sink, now, torque[BD_ALE_M]);
+      for (int u = 0; u < BD_ALE_BYS; ++u) {
+        torque[u] = fma_(rubs.rho, force[u], torque[u]);
+        rubs_on[0][u] = fma_(one - rubs.from, force[u], rubs_on[0][u]);
+        rubs_on[1][u] = fma_(rubs.from, force[u], rubs_on[1][u]);
+      }
+    }
     for (int end = 0; end < 2; ++end) {
       const vec sign = splat(end == 0 ? 1.0 : -1.0),
                 at_node = load_unaligned(ale->per_stretch + k + end);
       const vec bends =
           (load_unaligned(ale->bent + k + end) - load_unaligned(ale->bent + k + end - 1)) * at_node;
-      vec force[BD_ALE_BYS] = {none, none, none, none};
-      if (law != BD_LAW_NONE) {
-        const vec share = load((end == 0 ? ale->share_a : ale->share_b) + k);
-        rubbing rubs =
-            rub_at(arc, end == 0 ? here : there, speed * rho, share, half * m, pressed, is_cell);
-        rubbed by = all;
-        by.slip[BD_ALE_V + end] = one;
-        for (int u = 0; u < BD_ALE_BYS; ++u) {
-          by.normal[u] = presses * share * all.normal[u];
-        }
-        slope_end(&c, &rubs, &by, force, arc->states, y->stride, k, y->z[end], out, end, law,
-                  has_states);
-        const vec now = load((end == 0 ? ale->force_a : ale->force_b) + k);
-        force[BD_ALE_M] = fma_(now, per_m, force[BD_ALE_M]);
-        torque[BD_ALE_M] = fnma_(sink, now, torque[BD_ALE_M]);
-      }
       const vec total[BD_ALE_BYS] = {
           fma_(sign, fnma_(bent, at_node, pull), through * apart * per * stretch) -
               half * bends * at_node * stretch + half * density * by_mass(ale, dy, k + end),
           through - lags - sign * damped, sign * damped - lags - through, none};
       for (int u = 0; u < BD_ALE_BYS; ++u) {
-        store(out->total[end][u] + k, total[u] - force[u]);
-        torque[u] = fma_(rho, force[u], torque[u]);
+        store(out->total[end][u] + k, total[u] - rubs_on[end][u]);
       }
     }
     for (int u = 0; u < BD_ALE_BYS; ++u) {

@@ -217,86 +217,100 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
 
 /* --- the ends of wraps ----------------------------------------------------------------------- */
 
-/* What an end load is spread by, phi(x) and its integral, 0 for x <= 0, at places that follow each
- * other in equal steps: exp(-beta x) (cos, sin) turns from one to the next. */
-typedef struct spread {
-  double x, step, beta, co, si, turn_co, turn_si;
-} spread;
+/* An end of a wrap: the belt touches from `touch` = e on. There its pressure begins, and what it
+ * lacks stands further in, as what a beam does that is bent from 1 / R to none. */
+typedef struct wrap_end {
+  double touch, p, q, over; /* of exp(-p x) (cos, sin)(q x); what goes with the sine */
+} wrap_end;
 
-INLINE spread spread_from(double x, double step, double beta) {
-  const double begins = exp(-beta * x), decays = exp(-beta * step);
-  return (spread){x,
-                  step,
-                  beta,
-                  begins * cos(beta * x),
-                  begins * sin(beta * x),
-                  decays * cos(beta * step),
-                  decays * sin(beta * step)};
+INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int span, double most) {
+  const double H = fmax(ale->spans[span].pressing, BD_ALE_LEAST * ale->rest), EI = ale->bending;
+  const double c1 = ale->quadratic, c2 = ale->linear;
+  const double stiff = 0.5 * (c2 + sqrt(c2 * c2 + 4.0 * c1 * H / arc->radius)); /* N / d */
+  const double square = 0.5 * sqrt(stiff / EI), along = 0.25 * H / EI;
+  wrap_end end = {.p = sqrt(square + along), .q = sqrt(fmax(square - along, 1e-6 * square))};
+  end.touch = fmin(sqrt(EI / H) - end.p / square, most);
+  end.over = (1.0 + end.p * end.touch) / end.q;
+  return end;
 }
 
-INLINE void spread_next(spread *at) {
-  const double co = at->co;
-  at->x += at->step;
-  at->co = co * at->turn_co - at->si * at->turn_si;
-  at->si = at->si * at->turn_co + co * at->turn_si;
+/* What is carried more than H / R from x behind the touching point on, less, over that; and its
+ * integral, both 0 far from there. */
+INLINE void carry_end(const wrap_end *end, double x, double *carried, double *sum) {
+  const double e = end->touch, p = end->p, q = end->q, B = end->over, fades = exp(-p * x);
+  const double co = fades * cos(q * x), si = fades * sin(q * x);
+  *carried = -e * co - B * si;
+  *sum = (e * (p * co - q * si) + B * (p * si + q * co)) / (p * p + q * q);
 }
 
-/* What is carried of an end load l from where it stands, and its integral, into a node. */
-INLINE void spread_add(const spread *at, double load, double sign, double *carried, double *sum) {
-  *carried += sign * load * (1.0 - at->co + at->si);
-  *sum += load * (at->x - at->si / at->beta);
+/* States that are linear between two places of a cell and 0 in the rest of what lies of it, from
+ * 0 to 1: the linear ones with the same mean and first moment. */
+INLINE void spread_states(double begin, double end, double *z_a, double *z_b) {
+  const double part = end - begin, sum = part * (*z_a + *z_b);
+  const double last = part * (begin * (*z_a + *z_b) + part * (*z_a + 2.0 * *z_b) / 3.0);
+  *z_a = 2.0 * sum - 3.0 * last;
+  *z_b = 3.0 * last - sum;
 }
 
-/* Belt that lifts off forgets its friction: where the pressed part of a cell's end has grown, its
- * states are the mean over what was pressed and what has come, whose states are 0. */
-INLINE void lay_end(const bd_ale_arc *arc, const bd_ale_state *y, int end, int slot, double *share,
-                    double now) {
-  const double was = fmin(*share, 1.0), is = fmin(now, 1.0);
-  const double kept = is > 0.0 ? fmin(1.0, was / is) : 0.0;
-  for (int e = 0; y && kept < 1.0 && e < arc->states; ++e) {
-    y->z[end][e * y->stride + slot] *= kept;
+/* What lies of a cell has changed: belt that lifts off forgets its friction, what comes has the
+ * states of its neighbour as far as the flow has brought it, else none. */
+INLINE void lay_cell(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_state *y, int slot,
+                     double from, double to, double length) {
+  const double flown = 0.5 * (ale->past[slot] + ale->past[slot + 1]) * ale->elapsed / length;
+  const double was_from = ale->cut_a[slot], was_to = ale->cut_b[slot], part = to - from;
+  const double left = fmax(from, was_from + fmin(0.0, flown));
+  const double right = fmin(to, was_to + fmax(0.0, flown));
+  const int first = slot == arc->begin, last = slot + 1 == arc->begin + arc->n;
+  for (int e = 0; e < arc->states; ++e) {
+    double *a = y->z[0] + e * y->stride + slot, *b = y->z[1] + e * y->stride + slot;
+    if (!(part > 0.0)) {
+      *a = *b = 0.0;
+    } else if (!(ale->lies[slot] > 0.0)) {
+      const double comes = flown > 0.0 ? (first ? 0.0 : b[-1]) : last ? 0.0 : a[1];
+      *a = *b = comes * fmin(1.0, fabs(flown) / part);
+    } else {
+      const double slope = (*b - *a) / (was_to - was_from);
+      *b = *a + slope * (right - was_from);
+      *a += slope * (left - was_from);
+      if (left > from || right < to) {
+        spread_states((left - from) / part, (right - from) / part, a, b);
+      }
+    }
   }
-  *share = now;
 }
 
-/* W of an arc's cells, by what is carried up to their ends and its mean between. Both stand in
- * force_a, force_b on the way. */
+/* What lies of an arc's cells, W at its ends, by what is carried up to there and its mean between,
+ * and states; cells in the direction of the flow. */
 INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
-  static const double ROUNDING = 1e-9; /* of differences of lengths */
-  const double EI = ale->bending, least = BD_ALE_LEAST * ale->rest, L = arc->radius * arc->wrap;
-  const double part = L / arc->n, beta = sqrt(sqrt(ale->linear / (4.0 * EI)));
-  double in = sqrt(EI / fmax(ale->spans[arc->before].pressing, least));
-  double out = sqrt(EI / fmax(ale->spans[j].pressing, least));
-  if (in + out > 0.9 * L) {
-    in = out = 0.45 * L;
+  static const double LEAST = 0.02; /* of a cell that counts */
+  const double whole = arc->radius * arc->wrap, length = whole / arc->n;
+  const wrap_end ends[2] = {end_of(ale, arc, arc->before, 0.45 * whole),
+                            end_of(ale, arc, j, 0.45 * whole)};
+  const double begin = ends[0].touch, until = whole - ends[1].touch;
+  for (int n = 0; n < arc->n; ++n) {
+    const int k = ale->past[arc->begin] < 0.0 ? arc->n - 1 - n : n, slot = arc->begin + k;
+    double place[2], carried[2], sum[2];
+    for (int end = 0; end < 2; ++end) {
+      const double s = place[end] = fmin(fmax((k + end) * length, begin), until);
+      double in, of_in, out, of_out;
+      carry_end(&ends[0], s - begin, &in, &of_in);
+      carry_end(&ends[1], until - s, &out, &of_out);
+      carried[end] = in - out;
+      sum[end] = of_in + of_out;
+    }
+    const int lies = place[1] - place[0] > LEAST * length;
+    const double from = lies ? place[0] / length - k : 0.0, to = lies ? place[1] / length - k : 0.0;
+    const double part = place[1] - place[0], mean = (sum[1] - sum[0]) / part;
+    if (y) {
+      lay_cell(ale, arc, y, slot, from, to, length);
+    }
+    ale->lies[slot] = lies ? 1.0 : 0.0;
+    ale->cut_a[slot] = from;
+    ale->cut_b[slot] = lies ? to : 1.0;
+    ale->share_a[slot] = lies ? fmax(0.0, (part + 2.0 * (mean - carried[0])) / length) : 0.0;
+    ale->share_b[slot] = lies ? fmax(0.0, (part + 2.0 * (carried[1] - mean)) / length) : 0.0;
   }
-  const double until = L - out;
-  double *carried = ale->force_a + arc->begin, *sum = ale->force_b + arc->begin;
-  for (int k = 0; k <= arc->n; ++k) {
-    const double s = k * part;
-    carried[k] = fmin(fmax(s, in), until);
-    sum[k] = s < in      ? in * s
-             : s > until ? until * s + 0.5 * (in * in - until * until)
-                         : 0.5 * (s * s + in * in);
-  }
-  int first = (int)ceil(in / part), last = (int)floor(until / part);
-  spread at = spread_from(first * part - in, part, beta);
-  for (int k = first; k <= arc->n; ++k, spread_next(&at)) {
-    spread_add(&at, in, 1.0, &carried[k], &sum[k]);
-  }
-  at = spread_from(until - last * part, part, beta);
-  for (int k = last; k >= 0; --k, spread_next(&at)) {
-    spread_add(&at, out, -1.0, &carried[k], &sum[k]);
-  }
-  for (int k = 0; k < arc->n; ++k) {
-    const int slot = arc->begin + k;
-    const double mean = (sum[k + 1] - sum[k]) / part;
-    const double a = 2.0 * (mean - carried[k]) / part, b = 2.0 * (carried[k + 1] - mean) / part;
-    lay_end(arc, y, 0, slot, &ale->share_a[slot], a > ROUNDING ? a : 0.0);
-    lay_end(arc, y, 1, slot, &ale->share_b[slot], b > ROUNDING ? b : 0.0);
-  }
-  carried[arc->n] = sum[arc->n] = 0.0;
 }
 
 static void freeze(bd_ale *ale, const bd_ale_state *y) {
