@@ -27,6 +27,15 @@ INLINE void quad_to(double *p, quad a) {
 INLINE quad quad_add(quad sum, quad a, double x) {
   return _mm256_fmadd_pd(a, _mm256_set1_pd(x), sum);
 }
+
+/* Row by row. */
+INLINE quad quad_times(quad a, quad b) {
+  return a * b;
+}
+
+INLINE double quad_lane(quad a, int i) {
+  return a[i];
+}
 #else
 typedef struct quad {
   vec part[QUAD / WIDTH];
@@ -48,12 +57,31 @@ INLINE quad quad_add(quad sum, quad a, double x) {
   }
   return sum;
 }
+
+INLINE quad quad_times(quad a, quad b) {
+  for (int i = 0; i < QUAD / WIDTH; ++i) {
+    a.part[i] = a.part[i] * b.part[i];
+  }
+  return a;
+}
+
+INLINE double quad_lane(quad a, int i) {
+  double lanes[QUAD];
+  quad_to(lanes, a);
+  return lanes[i];
+}
 #endif
 
 INLINE quad quad_none(void) {
   quad none;
   memset(&none, 0, sizeof none);
   return none;
+}
+
+/* Of the unit vector i four rows. */
+INLINE quad unit_at(int i, int q) {
+  static const double units[2 * LARGEST] = {[LARGEST] = 1.0};
+  return quad_at(units + LARGEST - i + q * QUAD);
 }
 
 /* --- products --------------------------------------------------------------------------------- */
@@ -91,11 +119,10 @@ INLINE void multiply_rows(const int quads, const int lead, int k, int m, double 
   }
 }
 
-INLINE void multiply(int lead, int k, int m, double factor, const double *a, const double *b,
-                     int lead_b, double *out, const int add) {
-  if (lead == QUAD && k == QUAD && m == QUAD && lead_b == QUAD) {
-    multiply_rows(1, QUAD, QUAD, QUAD, factor, a, b, QUAD, out, add);
-  } else if (lead == QUAD) {
+/* Of blocks that are not usual. */
+static void multiply_any(int lead, int k, int m, double factor, const double *a, const double *b,
+                         int lead_b, double *out, const int add) {
+  if (lead == QUAD) {
     multiply_rows(1, QUAD, k, m, factor, a, b, lead_b, out, add);
   } else if (lead == 2 * QUAD) {
     multiply_rows(2, 2 * QUAD, k, m, factor, a, b, lead_b, out, add);
@@ -106,43 +133,79 @@ INLINE void multiply(int lead, int k, int m, double factor, const double *a, con
   }
 }
 
-/* a = a^-1 by Gauss and Jordan: c takes the multiples of row i to the others, whose pivots are
- * divided by at the end. */
-INLINE void invert_rows(const int n, const int lead, double *a) {
-  static const double units[2 * LARGEST] = {[LARGEST] = 1.0};
+INLINE void multiply(int lead, int k, int m, double factor, const double *a, const double *b,
+                     int lead_b, double *out, const int add) {
+  if (lead == QUAD && k == QUAD && m == QUAD && lead_b == QUAD) {
+    multiply_rows(1, QUAD, QUAD, QUAD, factor, a, b, QUAD, out, add);
+  } else {
+    multiply_any(lead, k, m, factor, a, b, lead_b, out, add);
+  }
+}
+
+/* a = a^-1 by Gauss and Jordan: c has of row i what the others take, whose pivots are divided by at
+ * the end. In place, of so many fours of rows. */
+INLINE void invert_rows(const int n, const int quads, double *a) {
+  const int lead = quads * QUAD;
+  double per[LARGEST];
   quad c[LARGEST / QUAD];
-  double per[LARGEST] = {0.0};
-  const int quads = lead / QUAD;
   for (int i = 0; i < n; ++i) {
-    per[i] = 1.0 / a[i * lead + i];
+    double *const pivots = a + i * lead;
+    per[i] = 1.0 / pivots[i];
     for (int q = 0; q < quads; ++q) {
-      double *to = a + i * lead + q * QUAD;
-      const quad unit = quad_at(units + LARGEST - i + q * QUAD);
-      c[q] = quad_add(unit, quad_at(to), -per[i]);
-      quad_to(to, quad_add(c[q], unit, 1.0));
+      const quad unit = unit_at(i, q);
+      c[q] = quad_add(unit, quad_at(pivots + q * QUAD), -per[i]);
+      quad_to(pivots + q * QUAD, quad_add(c[q], unit, 1.0));
     }
     for (int j = 0; j < n; ++j) {
-      const double factor = a[j * lead + i];
+      double *const to = a + j * lead, factor = to[i];
       for (int q = 0; q < quads && j != i; ++q) {
-        quad_to(a + j * lead + q * QUAD, quad_add(quad_at(a + j * lead + q * QUAD), c[q], factor));
+        quad_to(to + q * QUAD, quad_add(quad_at(to + q * QUAD), c[q], factor));
       }
     }
   }
-  for (int k = 0; k < n * lead; ++k) {
-    a[k] *= per[k % lead];
+  for (int j = 0; j < n; ++j) {
+    for (int i = 0; i < n; ++i) {
+      a[j * lead + i] *= per[i];
+    }
+  }
+}
+
+/* The same of four unknowns, of which all stays in registers. */
+INLINE void invert_four(double *a) {
+  quad column[QUAD], none = quad_none();
+  double per[QUAD];
+  for (int i = 0; i < QUAD; ++i) {
+    column[i] = quad_at(a + i * QUAD);
+  }
+  for (int i = 0; i < QUAD; ++i) {
+    const quad unit = unit_at(i, 0);
+    per[i] = 1.0 / quad_lane(column[i], i);
+    const quad c = quad_add(unit, column[i], -per[i]);
+    for (int j = 0; j < QUAD; ++j) {
+      column[j] = quad_add(j == i ? unit : column[j], c, j == i ? 1.0 : quad_lane(column[j], i));
+    }
+  }
+  for (int i = 0; i < QUAD; ++i) {
+    none = quad_add(none, unit_at(i, 0), per[i]);
+  }
+  for (int i = 0; i < QUAD; ++i) {
+    quad_to(a + i * QUAD, quad_times(column[i], none));
+  }
+}
+
+static void invert_any(int n, int lead, double *a) {
+  if (lead == 2 * QUAD) {
+    invert_rows(n, 2, a);
+  } else {
+    invert_rows(n, lead / QUAD, a);
   }
 }
 
 INLINE void invert(int n, int lead, double *a) {
   if (n == QUAD) {
-    double usual[QUAD * QUAD];
-    memcpy(usual, a, sizeof usual);
-    invert_rows(QUAD, QUAD, usual);
-    memcpy(a, usual, sizeof usual);
-  } else if (lead == 2 * QUAD) {
-    invert_rows(n, 2 * QUAD, a);
+    invert_four(a);
   } else {
-    invert_rows(n, lead, a);
+    invert_any(n, lead, a);
   }
 }
 
@@ -156,9 +219,12 @@ INLINE void scale(int n, double factor, const double *a, double *out) {
 
 /* 1 - g J of a block on itself. */
 INLINE void begin_block(const bd_ale_block *block, double g) {
-  scale(block->n * block->lead, -g, block->own, block->inverse);
+  const double *own = block->own;
+  double *to = block->inverse;
   for (int i = 0; i < block->n; ++i) {
-    block->inverse[i * block->lead + i] += 1.0;
+    for (int q = 0; q < block->lead / QUAD; ++q, to += QUAD, own += QUAD) {
+      quad_to(to, quad_add(unit_at(i, q), quad_at(own), -g));
+    }
   }
 }
 
@@ -169,7 +235,7 @@ INLINE const bd_ale_block *beside(const bd_ale_ring *ring, int b, int side) {
 
 /* A block whose neighbours on these sides have been: with x_near = .. + over x + far x_last of
  * theirs, x = D^-1 (b + g J_near x_near ..), and the last one's row has `from` of it. */
-INLINE void eliminate(const bd_ale_ring *ring, int b, const int behind, const int ahead) {
+static void eliminate(const bd_ale_ring *ring, int b, int behind, int ahead) {
   const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
   const int n = block->n, lead = block->lead, s = last->n;
   const double g = ring->g;
