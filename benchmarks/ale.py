@@ -341,7 +341,8 @@ def random_drives(seed: int, count: int, n: int) -> list[str]:
         try:
             scene, name = mesh_estimate.draw(np.random.default_rng([seed, number]))
             params = drives.with_belt(scene.params, n_bodies=n, model="auto")
-            history = History(params, scene.torque_fn, scene.t_end, scene.motion, exact=1e-3)
+            speed = float(scene.motion[0].values[0, 0])
+            history = History(params, scene.torque_fn, scene.t_end, scene.motion, speed, exact=1e-3)
             exact = history.reference(n)
         except (ValueError, bd.SimulationError):
             continue
