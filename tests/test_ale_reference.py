@@ -29,6 +29,7 @@ def tension(model: Ale, y: np.ndarray) -> np.ndarray:
     return np.asarray(model.axial(y, model.geometry(0.0, y)).tension[..., model.spans])
 
 
+@pytest.mark.extended(guard="test_ale.py::test_its_tension_and_modes_at_rest_are_those_of_links")
 @pytest.mark.parametrize(
     ("scene", "bending", "links"),
     [
@@ -52,6 +53,7 @@ def test_tension_at_rest_is_that_of_links(scene: Any, bending: float | None, lin
     assert still[model.layout["v"][0]].max() < 1e-4, "of 1e5 m/s^2 that a force of T0 would make"
 
 
+@pytest.mark.extended(guard="test_ale.py::test_its_tension_and_modes_at_rest_are_those_of_links")
 def test_modes_at_rest_are_those_of_links() -> None:
     """U: torsion 92.5, lateral 125.2, 128.5 and 254.7 Hz of 480 links, whose phase on the pulleys
     makes 0.15 %; cells of 12.5 mm make 0.15 % of torsion. The aim of the model is 0.5 %.
@@ -62,6 +64,7 @@ def test_modes_at_rest_are_those_of_links() -> None:
     assert np.all(decay < 0.0)
 
 
+@pytest.mark.extended(guard="test_ale.py::test_a_span_that_moves_has_the_frequencies_of_a_string")
 def test_a_moving_string_has_its_frequencies() -> None:
     """f = (c_w^2 - v^2) / (2 S c_w). Of K sine modes the error falls as K^-3; K = 4 has 0.05 %,
     0.17 % at v/c 0.3, 0.5, by Galerkin's method on its own.
@@ -79,6 +82,7 @@ def test_a_moving_string_has_its_frequencies() -> None:
         assert abs(decay[nearest]) < 1e-4 * exact
 
 
+@pytest.mark.extended(guard="test_ale.py::test_its_creep_is_that_of_theory")
 @pytest.mark.parametrize("speed", [3.77, 314.0])
 def test_creep_of_dahl_friction_is_that_of_theory(speed: float) -> None:
     """60 N m on M, rigid pulleys. Cells of 15.7 mm are a third of the length in which bristles
@@ -117,6 +121,7 @@ def test_creep_of_dahl_friction_is_that_of_theory(speed: float) -> None:
     assert abs(pulls) == pytest.approx(60.0, rel=2e-8)
 
 
+@pytest.mark.extended(guard="test_ale.py::test_metres_are_never_lost")
 def test_sum_of_metres_never_changes() -> None:
     """Whatever the state, to rounding: flow between cells only."""
     model = ale_of(bd.scenes.serpentine(120).params, cell=0.05, least=4)
@@ -157,6 +162,7 @@ def turnover(model: Ale, y: np.ndarray, term: str, h: float = 1e-6) -> float:
     return float(np.abs(ends[0] - ends[1]).max() / (2.0 * h))
 
 
+@pytest.mark.extended(guard="test_ale.py::test_its_energy_balance_closes")
 @pytest.mark.parametrize("bending", [0.0, 0.08272])
 def test_energy_is_kept_on_fixed_axes_and_by_a_mount(bending: float) -> None:
     """No power is without its owner, of states at random, over what goes to and fro between elastic
@@ -175,6 +181,7 @@ def test_energy_is_kept_on_fixed_axes_and_by_a_mount(bending: float) -> None:
         assert np.abs(_residual(model, y)).max() < 3e-3 * turnover(model, y, "elastic")
 
 
+@pytest.mark.extended(guard="test_ale.py::test_its_energy_balance_closes")
 def test_energy_is_kept_by_modes_of_a_belt_that_runs() -> None:
     """At 20 m/s modes of 4 mm exchange energy with the motion along the belt: all of it with the
     reaction of section 6, to a tenth of what is missed without.
@@ -185,6 +192,9 @@ def test_energy_is_kept_by_modes_of_a_belt_that_runs() -> None:
     assert np.abs(_residual(model, y)).max() < 0.1 * np.abs(_residual(off, y)).max()
 
 
+@pytest.mark.extended(
+    guard="test_ale.py::test_its_first_swing_after_a_jump_of_load_is_that_of_links"
+)
 def test_first_swing_after_a_jump_of_load_is_that_of_links() -> None:
     """U at 63 rad/s, 5 ms after torques of full load: the slack span falls to half of its tension,
     torsion, modes, load and friction of the ends of wraps take part. Links at 240 are 0.2 N from
