@@ -388,7 +388,7 @@ static void bound_states(const bd_plan *plan, double tolerance, int *changed) {
   }
 }
 
-/* By what states of friction have been multiplied, into `spare`, from those of y. */
+/* What has been added to states of friction, into `spare`, from those of y. */
 static void note_changes(const bd_plan *plan, const double *y) {
   const bd_layout *lay = &plan->model->lay;
   const bd_ale_belt *belt = plan->ale;
@@ -397,8 +397,7 @@ static void note_changes(const bd_plan *plan, const double *y) {
     const int at = k % lay->states * belt->y.stride;
     for (int c = 0; c < lay->n; ++c) {
       const int slot = at + belt->slot[c];
-      const double now = belt->y.z[k / lay->states][slot];
-      belt->spare.z[k / lay->states][slot] = before[c] != 0.0 ? now / before[c] : 1.0;
+      belt->spare.z[k / lay->states][slot] = belt->y.z[k / lay->states][slot] - before[c];
     }
   }
 }
@@ -410,7 +409,7 @@ static void rebase(const bd_plan *plan, double *y) {
   for (int k = 0; k < lay->slots * lay->states; ++k) {
     double *z = bd_field(lay, y, F_MU + k);
     for (int c = 0; c < lay->n; ++c) {
-      z[c] *= belt->spare.z[k / lay->states][k % lay->states * belt->y.stride + belt->slot[c]];
+      z[c] += belt->spare.z[k / lay->states][k % lay->states * belt->y.stride + belt->slot[c]];
     }
   }
 }
