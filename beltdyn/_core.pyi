@@ -139,6 +139,10 @@ class Model:
     @property
     def belt(self) -> str: ...  # name of its row in BELTS
     @property
+    def cells(self) -> NDArray[np.int32] | None: ...  # pulley of each, -1 in spans; of a belt that
+    @property  # flows: else None
+    def cell_shares(self) -> NDArray[np.float64] | None: ...  # of the wrap behind where it begins
+    @property
     def rest(self) -> NDArray[np.float64]: ...  # travels of the mounts in equilibrium
     @property
     def mounts(self) -> tuple[dict[str, float], ...]: ...  # numbers as they act: BD_MOUNT_NUMBERS

@@ -408,7 +408,8 @@ def _of_mesh(run: Run) -> dict[str, float]:
     lost = sanity.mesh_loss(params, *(float(one[-1] - one[first]) for one in losses))
     lost /= float(t[-1] - t[first])
     carried = seen.speed * max(seen.pull, FAINT * tension)
-    half = 0.5 / params.belt.n_bodies  # a link at the ends of arcs, in the belt's forces and means
+    # a link at the ends of arcs, in the belt's forces and means
+    half = 0.0 if params._belt_facts["flows"] else 0.5 / params.info["n_bodies"]
     if carried > 0.0:
         # set torques know nothing of the ends of arcs, those that a motion needs do
         of_torques = half if run.prescribed else 0.0

@@ -31,7 +31,8 @@ class Arcs:
     sides, seen from the axis. With contact along the links the two joints at each end of a wrap
     stand for less, in proportion to their normal forces: a wrap of five links and more is right to
     a fraction of a link. On the mesh of the paper it is right to half a link at each end, as is the
-    boundary of stick and slip on any; means over some passing links are better.
+    boundary of stick and slip on any; means over some passing links are better. The cells of an ALE
+    belt stand for their own angles, and the boundary is found between their middles.
 
     A link slips if its friction is at least 95 % of what the law gives in full slip at that slip
     velocity, |F| >= 0.95 mu N; a law with a state needs some slip to get there. A law without one
@@ -103,12 +104,15 @@ def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
     """Give the points at which contact is reported (n_t, n_b, 2) [m].
 
     The joints on the left of the links where contact acts along these, else their centres, or the
-    masses of a string.
+    masses of a string; of cells the middles of the lines between their ends.
     """
     part = coordinates(params, belt, rows)
     if params._belt_facts["at_joints"]:
         return joint_points(params, part)
-    return np.stack([part.x, part.y], axis=-1)
+    points = np.stack([part.x, part.y], axis=-1)
+    if params._belt_facts["flows"]:
+        points = 0.5 * (points + np.roll(points, -1, axis=1))
+    return np.asarray(points)
 
 
 def turns(begin: Array, end: Array) -> Array:
@@ -139,14 +143,43 @@ def arcs_of(params: Params, belt: BeltHistory, contact: ContactHistory, centers:
         rubs, falls = np.abs(contact.mu[rows]), contact.mu[rows] * contact.velocity[rows] < 0.0
         for k in range(n_p):
             on = touched == k
-            angles = _angles(params, points - axes[:, k, None, :], on, normal)
+            if params._belt_facts["flows"]:
+                angles = _of_cells(params, belt, rows, axes[:, k], on)
+                slipping = _beyond(rubs - SLIP_FROM * full, on)
+            else:
+                angles = _angles(params, points - axes[:, k, None, :], on, normal)
+                slipping = (rubs >= SLIP_FROM * full).astype(float)
             wrap[rows, k] = angles.sum(axis=1)
-            slip[rows, k] = np.where(rubs >= SLIP_FROM * full, angles, 0.0).sum(axis=1)
+            slip[rows, k] = (slipping * angles).sum(axis=1)
             much = np.where(rubs >= 0.5 * full, angles, 0.0)
             whole = much.sum(axis=1)
             back = np.where(falls, much, 0.0).sum(axis=1)
             np.divide(back, whole, out=returning[rows, k], where=whole > 0.0)
     return Arcs(wrap=wrap, slip=slip, stick=wrap - slip, returning=returning)
+
+
+def _of_cells(
+    params: Params, belt: BeltHistory, rows: slice, axis: Array, on: NDArray[np.bool_]
+) -> Array:
+    """Give the angles between the ends of cells on a pulley (n_t, n_b) [rad]; 0 of those off it."""
+    arm = np.stack([belt.x[rows], belt.y[rows]], axis=-1) - axis[:, None]
+    return np.where(on, np.abs(turns(arm, np.roll(arm, -1, axis=1))), 0.0)
+
+
+def _beyond(excess: Array, on: NDArray[np.bool_]) -> Array:
+    """Give the share of each cell in which something linear between their middles is positive.
+
+    On a pulley's cells (n_t, n_b); in the outer half of its first and its last it is as in the
+    middle.
+    """
+    share = np.zeros(excess.shape)
+    for ahead in (-1, 1):
+        near = np.where(np.roll(on, ahead, axis=1), np.roll(excess, ahead, axis=1), excess)
+        edge = 0.5 * (excess + near)  # where the cells meet
+        most, least = np.maximum(excess, edge), np.minimum(excess, edge)
+        part = np.divide(most, most - least, out=np.ones_like(most), where=most > least)
+        share += 0.5 * np.where(least >= 0.0, 1.0, np.where(most > 0.0, part, 0.0))
+    return share
 
 
 def _angles(params: Params, arm: Array, on: NDArray[np.bool_], normal: Array) -> Array:

@@ -37,7 +37,16 @@ from .parts import Belt, Contact, Pulley
 from .rounding import percent
 from .route import Route
 
-__all__ = ["Compliance", "Drive", "complete", "compliance", "compliance_error", "describe"]
+__all__ = [
+    "Compliance",
+    "Drive",
+    "complete",
+    "compliance",
+    "compliance_error",
+    "depth_under",
+    "describe",
+    "running_radius",
+]
 
 #: Of a chosen contact, EA / (c2' R^2) on the smallest pulley: what the contact adds to creep.
 YIELD = 0.01
@@ -146,12 +155,35 @@ def _radii(params: Drive) -> Array:
 
 def _depth(params: Drive, tension: Array, speed: float) -> Array:
     """Give the depth of each pulley under tensions (n_p, m) [N] at a speed of the belt [m/s]."""
-    belt, (c1, c2) = params.belt, _numbers(params)
-    curve = belt.linear_density * speed**2
-    pull = tension * (1.0 + tension / belt.axial_stiffness) - curve
-    pressure = np.maximum(pull, 0.0) / _radii(params)[:, None]
+    belt = params.belt
+    pull = tension * (1.0 + tension / belt.axial_stiffness) - belt.linear_density * speed**2
+    return depth_under(params, pull / _radii(params)[:, None])
+
+
+def depth_under(params: Drive, pressure: Array) -> Array:
+    """Give the depth [m] under forces per stress-free metre [N/m], 0 where these pull."""
+    c1, c2 = _numbers(params)
+    pushed = np.maximum(pressure, 0.0)
     # The root in the form that is exact for c1' = 0 and for c2' = 0.
-    return np.asarray(2.0 * pressure / (c2 + np.sqrt(c2 * c2 + 4.0 * c1 * pressure)))
+    return np.asarray(2.0 * pushed / (c2 + np.sqrt(c2 * c2 + 4.0 * c1 * pushed)))
+
+
+def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) -> Array:
+    """Give the radius [m] on which belt runs under a tension [N].
+
+    Args:
+        params: The drive.
+        radius: Of the pulley [m].
+        tension: Of the belt there [N].
+        flow: Stress-free length that passes in a second [m/s].
+    """
+    belt, raised = params.belt, 0.0 * radius
+    stretch = 1.0 + tension / belt.axial_stiffness
+    pull = tension * stretch - belt.linear_density * (flow * stretch) ** 2
+    if params.effective_contact.compensate:
+        rest = float(params.info["strain_tension"])
+        raised = depth_under(params, rest * (1.0 + rest / belt.axial_stiffness) / radius)
+    return np.asarray(radius - depth_under(params, pull / radius) + raised)
 
 
 def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0.0) -> Compliance:

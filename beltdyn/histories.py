@@ -27,9 +27,12 @@ __all__ = [
     "JointHistory",
     "MountHistory",
     "PulleyHistory",
+    "SpanHistory",
     "Stats",
+    "absent",
     "absent_groups",
     "histories",
+    "shape_of",
 ]
 
 
@@ -58,7 +61,7 @@ class Group:
         needed = group if group == "energy" else f"{group}.{name}"
         raise AttributeError(
             f"{group}.{name} was not asked for: run simulate with outputs=(..., {needed!r}), or "
-            "without outputs for all that its belt has"
+            f"without outputs for all that its belt has{absent(needed, '; ')}"
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -88,6 +91,15 @@ class Group:
 
 def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
     return kind._holding(found)
+
+
+def absent(output: str, before: str = "") -> str:
+    """Say which meshes have belts without an output, such as "contact.slip"; nothing: none."""
+    sizes = {f"{group}.{name}": size for name, group, size, *_ in _core.OUTPUTS}
+    without = dict.fromkeys(
+        f'"{row["mesh"]}"' for row in _core.BELTS if sizes.get(output) in row["lacks"]
+    )
+    return f"{before}belts on the mesh {' or '.join(without)} have none" if without else ""
 
 
 @attrs.frozen(eq=False, repr=False)
@@ -126,6 +138,12 @@ class BeltHistory(Group):
         vx: Velocity of the mass centre [m/s].
         vy: Velocity of the mass centre [m/s].
         vphi: Angular velocity [rad/s].
+        flow: Of an ALE belt alone, as ``passed``, (n_t,): stress-free length that flows out of the
+            wrap of pulley 0 in a second [m/s], positive in the order of the cells.
+        passed: Its integral since the start [m], by which a mark on the belt is followed.
+
+    Of an ALE belt places and velocities are those of the belt where each cell begins, on pulleys
+    and at the ends of spans, and there are no angles.
     """
 
     x: Array
@@ -134,6 +152,21 @@ class BeltHistory(Group):
     vx: Array
     vy: Array
     vphi: Array
+    flow: Array
+    passed: Array
+
+
+@attrs.frozen(eq=False, repr=False)
+class SpanHistory(Group):
+    """Spans over time, of an ALE belt, which vibrates in them by sine modes.
+
+    Attributes:
+        deflection: Amplitudes a_k of ``sin(k pi s)`` across the span after each pulley, s from 0
+            where it begins to 1, k from 1 on (n_t, n_p, K) [m], from the straight line of the span,
+            positive outwards of the loop.
+    """
+
+    deflection: Array
 
 
 @attrs.frozen(eq=False, repr=False)
@@ -401,6 +434,7 @@ GROUPS: dict[str, type[Group]] = {
     "belt": BeltHistory,
     "joints": JointHistory,
     "contact": ContactHistory,
+    "spans": SpanHistory,
     "mounts": MountHistory,
     "couplings": CouplingHistory,
     "energy": EnergyLedger,
@@ -417,6 +451,16 @@ _ROWS = (
 def absent_groups(params: Any) -> set[str]:
     """Give the groups that a drive does not have."""
     return {group for group, _, size in _ROWS if params._having.get(size) == ()}
+
+
+def shape_of(size: str, params: Any) -> tuple[int, ...]:
+    """Give the shape of a history of this size, at one sample."""
+    count, n_p = params._model.sizes[size], len(params.pulleys)
+    if size == "FLOW":
+        return ()
+    if size == "MODES":
+        return n_p, count // n_p
+    return (count or params.n_bodies, *((2,) if size == "PLANE" else ()))  # zeros: no friction
 
 
 def histories(
@@ -442,16 +486,17 @@ def histories(
         KeyError, TypeError: The core has an output for which there is no group or no field, or the
             other way round.
     """
-    left_out = absent_groups(params)
+    left_out, lacks = absent_groups(params), params._belt_facts["lacks"]
     columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in _ROWS}
     for group, name, size in _ROWS:
         asked = names is None or f"{group}.{name}" in names
-        if not asked or group in left_out:
+        if not asked or group in left_out or size in lacks:
             continue
+        shape = (t.size, *shape_of(size, params))
         if size in ("FRICTION", "SLIPS") and name not in arrays:
-            columns[group][name] = np.broadcast_to(0.0, (t.size, params.belt.n_bodies))
+            columns[group][name] = np.broadcast_to(0.0, shape)
         else:
-            columns[group][name] = arrays[name]
+            columns[group][name] = arrays[name].reshape(shape)
     groups: dict[str, Any] = {
         group: None if group in left_out else GROUPS[group]._holding(found)
         for group, found in columns.items()

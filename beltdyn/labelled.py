@@ -31,6 +31,8 @@ _DIMENSIONS = {
     "PULLEYS": ("pulley",),
     "PLANE": ("pulley", "xy"),
     "LINKS": ("link",),
+    "NODES": ("link",),
+    "MODES": ("span", "mode"),
     "JOINTS": ("joint",),
     "CONTACT": ("link",),
     "FRICTION": ("link",),
@@ -49,6 +51,7 @@ _TEXTS = {
     "span": "free span, from a pulley to the next along the belt",
     "link": "link",
     "joint": "joint, on the left of the link of the same number",
+    "mode": "half waves of a sine across the span",
     "mount": "pulley that stands on the mount",
     "coupling": "pulley whose shaft a coupling joins to its rim",
     "mount_kind": "kind of mount: travels of arms are angles, of sliders lengths",
@@ -76,9 +79,10 @@ def dimensions(size: str) -> tuple[str, ...]:
 
 def places(params: Params) -> dict[str, Sequence[Any]]:
     """Give what the places along each dimension are called."""
-    links, names = range(params.belt.n_bodies), params.pulley_names
+    links, names = range(params.n_bodies), params.pulley_names
     parts = {_DIMENSIONS[size][0]: [names[k] for k in ks] for size, ks in params._having.items()}
-    along = {"span": span_names(params), "link": links, "joint": links}
+    modes = range(1, 1 + params._model.sizes.get("MODES", 0) // len(names))
+    along = {"span": span_names(params), "link": links, "joint": links, "mode": modes}
     return {"pulley": parts["pulley"], **along, **parts, "xy": ["x", "y"]}
 
 

@@ -12,7 +12,7 @@ from collections.abc import Collection
 from typing import Any
 
 from . import _core
-from .histories import GROUPS
+from .histories import GROUPS, absent
 
 __all__ = [
     "EVERY_RUN",
@@ -21,6 +21,7 @@ __all__ = [
     "array_names",
     "chosen",
     "has",
+    "lacking",
     "of_belt",
     "of_core",
     "unchecked",
@@ -57,16 +58,18 @@ def array_names() -> dict[str, tuple[str, ...]]:
     return {**groups, LEDGER: (LEDGER,), SPANS: (SPANS,)}
 
 
-def chosen(outputs: object, ledger: bool) -> tuple[str, ...] | None:
+def chosen(outputs: object, ledger: bool, lacks: Collection[str] = ()) -> tuple[str, ...] | None:
     """Check the outputs asked for; give their names in the order of the table, None: all.
 
     Args:
         outputs: Names of groups and arrays, or None.
         ledger: Whether the run may carry the energy ledger.
+        lacks: What the belt has none of (:func:`lacking`).
 
     Raises:
         TypeError: Not a sequence of texts.
-        ValueError: There is no such output, or "energy" is among them and ``ledger`` is False.
+        ValueError: There is no such output, or the belt has none; or "energy" is among them and
+            ``ledger`` is False.
     """
     if outputs is None:
         return None
@@ -82,21 +85,24 @@ def chosen(outputs: object, ledger: bool) -> tuple[str, ...] | None:
             raise TypeError(f"outputs must be names, got {name!r}")
         if name not in known and name not in every:
             raise ValueError(f"outputs: there is no {name!r}, there are {_listed()}")
+        if name in lacks:
+            raise ValueError(f"outputs: {name!r} is nothing that this belt has; {absent(name)}")
         asked.update(known.get(name, (name,)))
     if LEDGER in asked and not ledger:
         raise ValueError('outputs asks for "energy", the ledger, and ledger=False leaves it out')
     return tuple(name for name in every if name in asked)
 
 
-def of_belt(names: Collection[str] | None, params: Any, ledger: bool) -> tuple[str, ...] | None:
-    """Leave out what the belt of a drive lacks; None, everything, where it lacks nothing."""
+def lacking(params: Any) -> frozenset[str]:
+    """Give the outputs, as "contact.slip", that the belt of a drive has none of."""
     sizes = params._belt_facts["lacks"]
-    if not sizes:
-        return None if names is None else tuple(names)
-    lacks = {f"{group}.{name}" for name, group, size, *_ in _core.OUTPUTS if size in sizes}
-    lacks |= set() if ledger else {LEDGER}
-    every = (name for found in array_names().values() for name in found)
-    return tuple(name for name in every if name not in lacks and (names is None or name in names))
+    return frozenset(f"{group}.{name}" for name, group, size, *_ in _core.OUTPUTS if size in sizes)
+
+
+def of_belt(names: Collection[str] | None, params: Any) -> tuple[str, ...] | None:
+    """Leave out what the belt of a drive lacks; None stands for all that it has."""
+    lacks = lacking(params)
+    return None if names is None else tuple(name for name in names if name not in lacks)
 
 
 def _listed() -> str:

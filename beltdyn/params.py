@@ -10,14 +10,14 @@ from typing import Any
 
 import attrs
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core, balance, html, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, Frictionless, law_or_none
 from .mounts import Path, Sprung
-from .parts import BELTS, Belt, Contact, Pulley, as_pulleys
+from .parts import BELTS, CHOOSE, Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .run_warnings import RunWarning
@@ -73,7 +73,9 @@ class Params:
     def __attrs_post_init__(self) -> None:
         def numbers(group: str, source: object) -> Any:
             values = (getattr(source, name) for name in rules_of(group))
-            return tuple(int(value) if isinstance(value, bool) else value for value in values)
+            return tuple(
+                int(value or 0) if isinstance(value, bool | None) else value for value in values
+            )
 
         def parts(pulleys: tuple[Pulley, ...], name: str) -> tuple[Any, ...]:
             found = [getattr(pulley, name) for pulley in pulleys]
@@ -105,6 +107,8 @@ class Params:
         route(self.pulleys)
         preload.model_of(scene, self._first_length).check_geometry()
         object.__setattr__(self, "tensioning", self.tensioning.fitted(self.pulley_names))
+        if self.belt.mesh in CHOOSE:
+            self.tensioning.check_flows()
         for k, offset in enumerate(self.tensioning.offset):
             if k in self.mounted and offset != (0.0, 0.0):
                 raise ValueError(
@@ -201,9 +205,24 @@ class Params:
         return preload.Info(self._model.info, lambda: self._rest_tension)
 
     @property
+    def n_bodies(self) -> int:
+        """How many links, masses or cells the belt has; cells are chosen if not given."""
+        return int(self._model.info["n_bodies"])
+
+    @functools.cached_property
+    def _cells(self) -> NDArray[np.int32]:
+        """The pulley of each cell of an ALE belt (n_b,), -1 in spans."""
+        cells = self._model.cells
+        assert cells is not None
+        return cells
+
+    @property
     def belt_model(self) -> str:
-        """What the belt is made of: "links" or, without bending, "string" (``belt.model``)."""
-        return self._belt_facts["model"]
+        """What the belt is made of: "links" or, without bending, "string" (``belt.model``).
+
+        "cells" of an ALE belt, through which it flows.
+        """
+        return "cells" if self._belt_facts["flows"] else self._belt_facts["model"]
 
     @property
     def _belt_facts(self) -> _core.BeltFacts:
@@ -221,7 +240,7 @@ class Params:
             return self.belt
         return attrs.evolve(self.belt, length=self.info["length"], preload=None)
 
-    @property
+    @functools.cached_property
     def effective_contact(self) -> Contact:
         """The contact with all its numbers: those given, and those that were left open, chosen."""
         return sinking.complete(self.contact, self.belt, self.pulleys)

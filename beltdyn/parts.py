@@ -30,6 +30,8 @@ _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
 BELTS = {row["name"]: row for row in _core.BELTS}
 MESHES = tuple(dict.fromkeys(row["mesh"] for row in _core.BELTS))
 BELT_MODELS = ("auto", *dict.fromkeys(row["model"] for row in _core.BELTS))
+#: Meshes that choose how many cells they have.
+CHOOSE = tuple(row["mesh"] for row in _core.BELTS if row["flows"])
 SIDES = ("inside", "outside")
 
 
@@ -48,7 +50,9 @@ class Belt(Printable):
         preload: Mean tension of the belt at rest [N], > 0: that of the settled belt to 0.1 %,
             whatever mesh, contact and friction make of it; None: as length or mounts make it.
         n_bodies: Number of rigid links, n_b, an integer >= 3. Links of stress-free length
-            L / n_b are joined by the springs and dampers of (2.2).
+            L / n_b are joined by the springs and dampers of (2.2). Of an ALE belt the number of
+            cells, about so many; None, for it alone: chosen, of some 12 mm on the pulleys.
+            ``params.n_bodies`` says how many there are.
         linear_density: Mass per length, rho A [kg/m], > 0.
         axial_stiffness: EA [N], > 0.
         axial_damping: eta A [N s], >= 0.
@@ -56,8 +60,16 @@ class Belt(Printable):
         bending_damping: eta I [N m^2 s], >= 0; the paper has none.
         mesh: How the belt meets the pulleys, MODEL section 3: "joint", along the links, with
             friction at their joints and their mass at their ends: mean tensions right to some 1 %
-            with 60 links (``print(params)`` estimates it), creep less so; or "paper", at the links'
-            centres, the paper's own, which takes eight to sixteen times as many links.
+            with 60 links (``print(params)`` estimates it), creep less so; "paper", at the links'
+            centres, the paper's own, which takes eight to sixteen times as many links; or "ale"
+            (arbitrary Lagrangian-Eulerian): the belt flows through cells that stand where the
+            pulleys are. No links land, so the steps do not follow the speed: take it for belts
+            that run fast, for long runs, spectra and creep. One cell to a span, in which it
+            vibrates by its lowest sine modes (``result.spans.deflection``), some ten on an arc.
+            What follows the belt itself, such as ``contact.slip``, is absent by name;
+            ``belt.passed`` says how far it has run. Not for slack spans, wraps and spans hardly
+            longer than sqrt(EI/T), at which bending runs off, and belts as fast as their waves:
+            refused, or the run ends, in words; take "joint" there.
         model: What the belt is made of, MODEL section 2: "links", rigid ones; "string", point
             masses joined by bars that stretch, which resist no bending (EI = 0, mesh "joint"):
             two degrees of freedom each for three, and a step that costs about half; or "auto",
@@ -71,7 +83,7 @@ class Belt(Printable):
 
     length: float | None = None
     preload: float | None = None
-    n_bodies: int
+    n_bodies: int | None = None
     linear_density: float
     axial_stiffness: float
     axial_damping: float = 0.0
@@ -81,6 +93,11 @@ class Belt(Printable):
     model: str = attrs.field(default="auto", validator=with_choice("belt.model", BELT_MODELS))
 
     def __attrs_post_init__(self) -> None:
+        if self.n_bodies is None and self.mesh not in CHOOSE:
+            raise ValueError(
+                "belt.n_bodies must be given, the number of links: only the mesh "
+                f"{' or '.join(map(repr, CHOOSE))} has one that is chosen"
+            )
         if self.length is not None and self.preload is not None:
             raise ValueError(
                 "belt.preload must not be given together with belt.length, which decides the "

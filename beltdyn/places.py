@@ -18,7 +18,18 @@ from .params import Params
 from .route import Route, route_at
 from .spans import coordinates, joint_points
 
-__all__ = ["AlongBelt", "along", "line_parts", "momentum_flux", "routes", "where"]
+__all__ = [
+    "AlongBelt",
+    "along",
+    "along_cells",
+    "cell_places",
+    "flow_of",
+    "follow",
+    "line_parts",
+    "momentum_flux",
+    "routes",
+    "where",
+]
 
 #: Numbers of a block of samples, links times parts of the line: 16 MB to an array.
 _BLOCK = 2_000_000
@@ -150,7 +161,7 @@ def along(
     places: Array | None,
 ) -> AlongBelt:
     """Interpolate a history of joints or links in places; see :meth:`beltdyn.Result.along_belt`."""
-    line, n_b = params.route, params.belt.n_bodies
+    line, n_b = params.route, params.n_bodies
     radii = np.array([one.radius for one in params.pulleys])
     wraps = line_parts(line, radii)
     evenly = np.asarray((np.arange(n_b) + 0.5) * (line.length / n_b), dtype=np.float64)
@@ -169,15 +180,57 @@ def along(
             now = lines[0 if len(lines) == 1 else begin + k]
             asked = s if now is line else _moved(s, parts, wraps, line_parts(now, radii))
             found[begin + k] = np.interp(asked, at[k], values[begin + k], period=now.length)
+    return _told(params, name, t, s, found, wraps)
+
+
+def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: Array) -> AlongBelt:
+    """Give what was found, with the names of the parts of the line."""
     names = params.pulley_names
     spans = [
         span_name(k, names, unnamed=f"span {k} to {(k + 1) % len(names)}")
         for k in range(len(names))
     ]
     texts = np.array([name for pair in zip(spans, names, strict=True) for name in pair])
-    return AlongBelt(
-        name=name, t=t, s=s, values=found, part=texts[parts], wraps=wraps, length=line.length
-    )
+    part = texts[_part_of(s, wraps)]
+    length = params.route.length
+    return AlongBelt(name=name, t=t, s=s, values=values, part=part, wraps=wraps, length=length)
+
+
+def cell_places(params: Params) -> Array:
+    """Give where the cells of an ALE belt begin along the line, and its length (n_b + 1,) [m].
+
+    Of each its share of its wrap is the same wherever the axes are.
+    """
+    wraps = line_parts(params.route, np.array([one.radius for one in params.pulleys]))
+    cells = params._cells
+    begins = [0.0]
+    for k in np.roll(np.arange(len(wraps)), -1):  # span, wrap of pulley 1, span, ...
+        begin, end = wraps[k]
+        begins += np.linspace(begin, end, 1 + np.count_nonzero(cells == k)).tolist()
+    return np.array(begins)
+
+
+def along_cells(
+    params: Params, t: Array, name: str, values: Array, places: Array | None
+) -> AlongBelt:
+    """Give a history of cells in places, linear between their middles and constant in spans.
+
+    Velocities and coordinates are those where the cells begin.
+    """
+    edges = cell_places(params)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    s = middles if places is None else places
+    if name.startswith("belt."):
+        at, columns = edges, np.append(np.arange(middles.size), 0)
+    else:
+        spans = np.flatnonzero(params._cells < 0)
+        at = np.concatenate([middles, edges[spans], edges[spans + 1]])
+        columns = np.concatenate([np.arange(middles.size), spans, spans])
+        order = np.argsort(at, kind="stable")
+        at, columns = at[order], columns[order]
+    found = np.array([np.interp(s, at, row[columns], period=edges[-1]) for row in values])
+    radii = np.array([one.radius for one in params.pulleys])
+    return _told(params, name, t, s, found.reshape(t.size, s.size), line_parts(params.route, radii))
 
 
 def _part_of(s: Array, wraps: Array) -> NDArray[np.intp]:
@@ -204,8 +257,48 @@ def _moved(s: Array, parts: NDArray[np.intp], wraps: Array, now: Array) -> Array
     return np.asarray(to + share * (until - to))
 
 
+def follow(
+    params: Params, force: Array, passed: Array, cell: int, at: int = -1
+) -> tuple[NDArray[np.intp], Array]:
+    """Follow a mark on an ALE belt, which is in the middle of a cell at one sample.
+
+    Args:
+        params: The drive.
+        force: Of the cells (n_t, n_b) [N].
+        passed: Stress-free length that has passed (n_t,) [m].
+        cell: The cell.
+        at: The sample.
+
+    Returns:
+        The cell in which it is (n_t,), and the part of that it has behind it (n_t,) [1].
+    """
+    held = np.diff(cell_places(params)) / (1.0 + force / params.belt.axial_stiffness)
+    length = held.sum(axis=1)  # stress-free, but for bends and sinking in
+    ends = np.cumsum(held, axis=1)
+    now = (ends[at, cell] - 0.5 * held[at, cell]) / length[at]
+    share = (now + (passed - passed[at]) / float(params.info["length"])) % 1.0
+    found = np.sum(ends <= (share * length)[:, None], axis=1)
+    found = np.minimum(found, ends.shape[1] - 1)
+    rows = np.arange(passed.size)
+    return found, 1.0 - (ends[rows, found] - share * length) / held[rows, found]
+
+
+def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
+    """Give the stress-free length of belt that passes in a second (n_t,) [m/s].
+
+    Args:
+        params: The drive.
+        belt: ``flow`` of an ALE belt, else ``phi``, ``vx``, ``vy``.
+        force: Of the joints (n_t, n_b) [N].
+    """
+    if params._belt_facts["flows"]:
+        return belt.flow
+    speed = (belt.vx * np.cos(belt.phi) + belt.vy * np.sin(belt.phi)).mean(axis=1)
+    return np.asarray(speed / (1.0 + force.mean(axis=1) / params.belt.axial_stiffness))
+
+
 def momentum_flux(
-    params: Params, belt: BeltHistory, force: Array, spans: Array, travel: Array | None
+    params: Params, flow: Array, force: Array, spans: Array, travel: Array | None
 ) -> Array:
     """Give what the belt's change of momentum takes off the hub loads (n_t, n_p, 2) [N].
 
@@ -214,17 +307,14 @@ def momentum_flux(
 
     Args:
         params: The drive.
-        belt: ``x``, ``y``, ``phi``, ``vx``, ``vy``.
+        flow: Stress-free length that passes in a second (n_t,) [m/s].
         force: Of the joints (n_t, n_b) [N].
         spans: Tensions of the spans (n_t, n_p) [N]; NaN: the mean of all joints is taken.
         travel: Of the mounts (n_t, n_m), None: of a drive without.
     """
-    flow = (belt.vx * np.cos(belt.phi) + belt.vy * np.sin(belt.phi)).mean(axis=1)
-    mean = force.mean(axis=1)
     stiffness = params.belt.axial_stiffness
-    flow = (flow / (1.0 + mean / stiffness))[:, None]
-    tension = np.where(np.isnan(spans), mean[:, None], spans)
-    pull = params.belt.linear_density * flow**2 * (1.0 + tension / stiffness)
+    tension = np.where(np.isnan(spans), force.mean(axis=1)[:, None], spans)
+    pull = params.belt.linear_density * flow[:, None] ** 2 * (1.0 + tension / stiffness)
     lines, _ = routes(params, travel)
     way = np.array([np.roll(line.arrive, -1, axis=0) - line.leave for line in lines])
     length = np.hypot(way[..., 0], way[..., 1])[..., None]

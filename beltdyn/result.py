@@ -25,13 +25,14 @@ from .histories import (
     JointHistory,
     MountHistory,
     PulleyHistory,
+    SpanHistory,
     Stats,
     histories,
 )
 from .naming import span_name, with_names
-from .outputs import has
+from .outputs import has, lacking
 from .params import Params
-from .places import AlongBelt, along, momentum_flux, routes
+from .places import AlongBelt, along, along_cells, flow_of, momentum_flux, routes
 from .report import Report, creep_of, make_report, speed_errors
 from .rounding import rounded
 from .run_warnings import RunWarning
@@ -53,12 +54,16 @@ class Result:
         belt      x, y, phi, vx, vy, vphi                          (n_t, n_b)
         joints    deformation, force                               (n_t, n_b)
         contact   pulley, normal, friction, mu, slip, velocity     (n_t, n_b)
+        spans     deflection                                       (n_t, n_p, K)
         span_tension, slip                                         (n_t, n_p)
         mounts    travel, travel_speed, ..., belt_force            (n_t, n_m)
         couplings rim_angle, rim_speed, windup, transmitted        (n_t, n_c)
         energy    kinetic, ..., residual, passed                   (n_t,)
 
     ``span_tension`` is NaN where no link is free in the span or none touches one of its pulleys.
+    An ALE belt (``Belt(mesh="ale")``) has cells, which stand still, in place of links and joints,
+    in the order of span 0, pulley 1, span 1 and so on to pulley 0; ``spans``, ``belt.flow`` and
+    ``belt.passed`` are its own, and it has no ``belt.phi``, ``belt.vphi`` and ``contact.slip``.
     From these: ``hub_load()``, ``along_belt()`` in places fixed in space, ``arcs`` of contact, slip
     and stick.
 
@@ -69,6 +74,7 @@ class Result:
         joints: Deformation and force of the joints.
         contact: Contact and friction of the links; for a link on two pulleys those of the one with
             the larger normal force.
+        spans: Deflection of the spans of an ALE belt.
         mounts: Travels of the mounts from the places of the drive, of arms [rad], of sliders [m],
             and what acts on them (``help(type(result.mounts))``); None in a drive without.
         couplings: Speeds of the rims of pulleys with a coupling, windup and torque between rim and
@@ -86,7 +92,8 @@ class Result:
             it as ``initial`` to continue.
         warnings: Everything found that a user may not expect, or that may make the results less
             accurate; each was also issued as a :class:`beltdyn.BeltdynWarning`.
-        outputs: The arrays that were asked for, as "joints.force"; None: all. Any other is an
+        outputs: The arrays that were asked for, as "joints.force"; None: all that its belt has.
+            Any other is an
             AttributeError that names it.
         unchecked: Codes of warnings that were not looked for, because the outputs in which they
             show were not asked for.
@@ -98,6 +105,7 @@ class Result:
     belt: BeltHistory
     joints: JointHistory
     contact: ContactHistory
+    spans: SpanHistory
     mounts: MountHistory | None
     couplings: CouplingHistory | None
     energy: EnergyLedger | None
@@ -218,7 +226,8 @@ class Result:
         if flag("centrifugal", centrifugal):
             return self.pulleys.load
         force, spans = self.joints.force, self.span_tension
-        flux = momentum_flux(self.params, self.belt, force, spans, self._travel())
+        flow = flow_of(self.params, self.belt, force)
+        flux = momentum_flux(self.params, flow, force, spans, self._travel())
         return np.asarray(self.pulleys.load + flux)
 
     def along_belt(self, name: str = "joints.force", places: ArrayLike | None = None) -> AlongBelt:
@@ -227,6 +236,7 @@ class Result:
         Joints and links pass; this looks at the same place all the time: linearly between the two
         next to it, joints where they are, contact where the mesh has it (at joints, centres of
         links, or masses). Friction and normal forces are those of a link or joint, not per metre.
+        The cells of an ALE belt stand in such places themselves, with one tension to a span.
 
         Places are along the belt line of ``params.route``. Where axes move, a place keeps its share
         of its span or wrap on the line through the axes of the time.
@@ -236,7 +246,7 @@ class Result:
                 "contact.normal", "belt.vx". Not "contact.pulley", which is no quantity, nor
                 "belt.phi", which differs by a turn from the last link to the first.
             places: Where (n_s,) [m], from where the belt leaves pulley 0 on, up to the length of
-                the line; None: as many as links, evenly.
+                the line; None: as many as links, evenly, or the middles of the cells.
 
         Raises:
             TypeError, ValueError: There is no such array; a place is not on the line.
@@ -246,7 +256,8 @@ class Result:
             f"{group}.{one}"
             for group in ("joints", "contact", "belt")
             for one in GROUPS[group].array_names()
-            if one not in ("pulley", "phi")
+            if one not in ("pulley", "phi", "flow", "passed")
+            and f"{group}.{one}" not in self._lacking
         ]
         if not isinstance(name, str):
             raise TypeError(f"name must be a str, got {type(name).__name__}")
@@ -267,6 +278,8 @@ class Result:
         """Give :meth:`along_belt` at some of the samples."""
         group, _, field = name.partition(".")
         values = getattr(getattr(self, group), field)[rows]
+        if self.params._belt_facts["flows"]:
+            return along_cells(self.params, self.t[rows], name, values, places)
         needed = ("x", "y", "phi") if has_angles(self.params) else ("x", "y")
         belt = {one: getattr(self.belt, one)[rows] for one in needed}
         travel = self._travel()
@@ -289,7 +302,11 @@ class Result:
 
     def _has(self, name: str) -> bool:
         """Tell whether an output is there."""
-        return has(self.outputs, name)
+        return has(self.outputs, name) and name not in self._lacking
+
+    @cached_property
+    def _lacking(self) -> frozenset[str]:
+        return lacking(self.params)
 
     @cached_property
     def slip(self) -> Array:

@@ -13,7 +13,7 @@ from typing import Protocol
 import attrs
 import numpy as np
 
-from . import _core, compliance
+from . import _core, cells, compliance
 from .checks import Array
 from .friction import Friction
 from .parts import Contact
@@ -88,7 +88,7 @@ BRISTLE = 0.25
 PERCENT = (15.0, 500.0)
 
 
-class Drive(compliance.Drive, Protocol):
+class Drive(cells.Drive, Protocol):
     """The part of :class:`beltdyn.Params` that is checked; it imports this module to print them."""
 
     @property
@@ -149,6 +149,8 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
         pull: Largest difference of the tensions on two sides of a pulley [N].
     """
     info = params.info
+    if params._belt_facts["flows"]:
+        return cells.errors(params, pull)
     if params._belt_facts["tangents"]:
         found = dict.fromkeys(JOINT_ERRORS, mesh_share(params))
     else:
@@ -176,6 +178,8 @@ def shaken(params: Drive, speed: float) -> float:
     add up to many times as much, which a run knows (:func:`shaking_seen`).
     """
     belt, info = params.belt, params.info
+    if params._belt_facts["flows"]:
+        return 0.0
     length, tension = info["link_length"], info["strain_tension"]
     slope = belt.linear_density * speed * speed / tension  # inf where speed**2 raises
     slope *= float(np.mean((length / _radii(params)) ** 2)) / 12.0
@@ -199,6 +203,8 @@ def shaking_seen(params: Drive, speed: float, across: float, time: float) -> flo
         time: How long the belt has run [s].
     """
     belt, info = params.belt, params.info
+    if params._belt_facts["flows"]:
+        return 0.0
     tension, density = info["strain_tension"], belt.linear_density
     strain = 0.5 * across / (tension / density + speed * speed)
     landed = 0.5 * density * abs(speed) ** 3 * time
@@ -218,6 +224,8 @@ def mesh_loss(params: Drive, contact: float, friction: float) -> float:
         contact: Lost in the dampers of the contact [W].
         friction: Lost to friction [W].
     """
+    if params._belt_facts["flows"]:
+        return abs(friction) * cells.errors(params, float(params.info["strain_tension"]))["tension"]
     lie = params.route.wraps * _radii(params) / params.info["link_length"]
     raised = mesh_share(params) if params._belt_facts["tangents"] else 0.0
     return abs(contact) + abs(friction) * (1.0 / float(lie.min()) + raised)
@@ -229,22 +237,24 @@ def _radii(params: Drive) -> Array:
 
 def bodies(params: Drive) -> str:
     """Say of how many links, or point masses, the belt is made."""
-    return f"{params.belt.n_bodies} {params._belt_facts['nodes']}"
+    return f"{params.info['n_bodies']} {params._belt_facts['nodes']}"
 
 
 def describe_mesh(params: Drive) -> str:
     """Say in one line what the error of the mesh is."""
-    belt, error = params.belt, mesh_error(params)
+    if params._belt_facts["flows"]:
+        return cells.describe(params)
+    belt, error, n_b = params.belt, mesh_error(params), params.info["n_bodies"]
     # a run knows its speed and load; here, from which speed on landing links are the larger part
     fast = math.sqrt(error["span_mean"] / max(shaken(params, 1.0), 1e-300))
     running = (
         f"links that land add as much at {fast:.2g} m/s, four times that at twice the speed, "
-        f"loads up to {percent(1.0 / belt.n_bodies)}"  # all the tension: mesh_error, pull 2 T
+        f"loads up to {percent(1.0 / n_b)}"  # all the tension: mesh_error, pull 2 T
     )
     if params._belt_facts["tangents"]:
         strain = float(params.info["mesh_strain"])
         return (
-            f"{belt.n_bodies} straight links, longer than their arcs, add {percent(strain)} of "
+            f"{n_b} straight links, longer than their arcs, add {percent(strain)} of "
             f"strain, {strain * belt.axial_stiffness:.3g} N ({percent(error['span_mean'])}); "
             f"{running}"
         )
@@ -286,6 +296,15 @@ def of_mesh(
     when, error = (" at rest", rest) if error is None else ("", error)
     if error < MESH:
         return
+    if facts["flows"]:
+        yield RunWarning(
+            code="mesh",
+            text=f"{bodies(params)} are few for this load: the mesh alone may put mean tensions "
+            f"off by some {percent(error)}, creep by several times that; "
+            f"{cells.finer(params, error, FINE_MESH)} makes tensions right to {percent(FINE_MESH)}",
+            accuracy=True,
+        )
+        return
     ends = max(0.0, error - rest - landing)
     lost = ", creep by several times that"
     if landing >= max(rest, ends):
@@ -294,7 +313,7 @@ def of_mesh(
     elif ends > rest:
         why = f"{bodies(params)} are few for this load, which takes a part of a link of each arc"
     elif facts["tangents"]:
-        why = f"{params.belt.n_bodies} straight links are longer than the arcs they lie on"
+        why = f"{params.info['n_bodies']} straight links are longer than the arcs they lie on"
     else:
         why = f"{bodies(params)} are few for pulleys as small as these"
     # square / finer^2 + ends / finer = allowed; tan a / a - 1 falls faster: it is enough
@@ -303,7 +322,7 @@ def of_mesh(
     yield RunWarning(
         code="mesh",
         text=f"{why}: the mesh alone may put mean tensions off by some {percent(error)}{when}"
-        f"{lost}; {links(params.belt.n_bodies * finer)} makes tensions right to about "
+        f"{lost}; {links(params.info['n_bodies'] * finer)} makes tensions right to about "
         f"{percent(allowed)}{when}" + (f". {facts['note']}" if facts["note"] else ""),
         accuracy=True,
     )
@@ -352,6 +371,9 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
             where=params.label(worst),
             accuracy=True,
         )
+    if params._belt_facts["flows"]:
+        yield from cells.limits(params)
+        return
     small = int(np.argmin(radii))
     if info["link_length"] > LONG_LINK * radii[small]:
         yield RunWarning(

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from . import _core, npz
 from .accuracy_report import WORDS, Accuracy, QuantityError
 from .exported import RESULTS
-from .histories import GROUPS, Stats, absent_groups
+from .histories import GROUPS, Stats, absent_groups, shape_of
 from .labelled import described
-from .outputs import LEDGER, SPANS, chosen
+from .outputs import LEDGER, SPANS, chosen, lacking
 from .params import Params
 from .run_warnings import RunWarning
 from .state import PARTS, ROWS, State, saved_shape
@@ -236,13 +236,14 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
         params = Params.from_toml(npz.text("params.toml", values["params.toml"]) + "\n")
     except (TypeError, ValueError) as error:
         raise ValueError(f"params.toml: {error}") from None
-    n_b, n_p = params.belt.n_bodies, len(params.pulleys)
+    n_p = len(params.pulleys)
     t = npz.number_array("t", values["t"], np.float64, (values["t"].size,))
     if not np.isfinite(t).all() or (np.diff(t) < 0.0).any():
         raise ValueError("t must be finite and non-decreasing")
 
     without = {f"energy.{name}" for name, *_ in _core.ENERGY_TERMS}
     without -= {f"energy.{name}" for name in params._model.energy_terms}
+    without |= lacking(params)
     for name in sorted(without & values.keys()):
         raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
     kept = meta["outputs"]
@@ -262,8 +263,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
                 continue
             kind = np.int32 if name == "contact.pulley" else np.float64
             size = rows[name][0]
-            own = () if group == LEDGER else (sizes[size] or n_b,)  # zeros without friction
-            shape = (t.size, *own, 2) if size == "PLANE" else (t.size, *own)
+            shape = (t.size, *(() if group == LEDGER else shape_of(size, params)))
             arrays[field] = npz.number_array(name, values[name], kind, shape)
             beyond = not meta["success"] and (
                 name in _MAY_OVERFLOW or size in PARTS or group == LEDGER

@@ -65,7 +65,9 @@ def settle(
             their rims must agree to 1 %. None, or all zero: at rest.
         tolerance: The belt is at rest when the largest unbalanced force is below this times the
             mean tension; None: 1e-9. What is not tighter than that is raised to what rounding of
-            positions leaves of a very stiff contact, or of a belt of hardly any tension.
+            positions leaves of a very stiff contact, or of a belt of hardly any tension. An ALE
+            belt is laid at rest, or running, at once: it takes neither this nor ``max_time``, and
+            refuses ``friction``, ``offset`` and ``shift``.
         max_time: Simulated time after which to give up [s]; None: chosen.
         progress: Whether to show progress on stderr (needs ``rich``).
 
@@ -90,6 +92,8 @@ def settle(
     }
     changes = {name: value for name, value in given.items() if value is not None}
     tensioning = attrs.evolve(params.tensioning, **changes).fitted(params.pulley_names)
+    if params._belt_facts["flows"]:
+        tensioning.check_flows()
     n_pulleys, has_friction = len(params.pulleys), params.has_friction
     options = tensioning._options(n_pulleys, has_friction)
     options["max_time"] = positive_or_none("max_time", max_time, "s")

@@ -25,7 +25,7 @@ from .escaped import Escaped
 from .histories import Stats
 from .motions import CrankMotion, Motion, MotionLike, as_motions, first_speeds, motion_terms
 from .naming import ByPulley
-from .outputs import LEDGER, chosen, of_belt, of_core, unchecked
+from .outputs import LEDGER, chosen, lacking, of_belt, of_core, unchecked
 from .params import Params
 from .progress import over_time
 from .result import Result
@@ -213,7 +213,8 @@ def simulate(
         "max_steps": max_steps,
         "torque_interval": torque_interval,
     }
-    kept = chosen(outputs, flag("ledger", ledger))
+    check_params(params)
+    kept = chosen(outputs, flag("ledger", ledger), lacking(params))
     own: dict[str, Any] = {"ledger": ledger, "progress": progress, "initial": initial, **options}
     if expected is not None:
         own["expected"] = _expected(expected)
@@ -311,7 +312,7 @@ def _simulate(
     """
     check_params(params)
     check_initial(params, initial)
-    outputs = of_belt(outputs, params, flag("ledger", ledger))
+    outputs = of_belt(outputs, params)
     start, end = _span(initial, t_end)
     times = _sample_times(t_eval, start, end)
     options: dict[str, Any] = {

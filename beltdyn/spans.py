@@ -16,9 +16,15 @@ __all__ = [
     "coordinates",
     "has_angles",
     "joint_points",
+    "lines_of_cells",
     "mid_span",
+    "of_spans",
     "span_tension",
 ]
+
+
+#: Points of the line of a cell.
+_POINTS = 21
 
 
 def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Array:
@@ -85,6 +91,43 @@ def joint_points(params: Params, belt: Line) -> Array:
     half = 0.5 * params.info["link_length"] if has_angles(params) else 0.0
     tip = half * np.stack([np.cos(belt.phi), np.sin(belt.phi)], axis=-1)
     return np.asarray(0.5 * (centre - tip + np.roll(centre + tip, 1, axis=1)))
+
+
+def of_spans(params: Params, force: Array) -> Array:
+    """Give the tension of each span of an ALE belt, one cell (n_t, n_p), from that of all cells."""
+    return np.asarray(force[:, np.flatnonzero(params._cells < 0)])
+
+
+def lines_of_cells(
+    params: Params, points: Array, axes: Array, deflection: Array | None
+) -> list[Array]:
+    """Give the line of each cell of an ALE belt: arcs on pulleys, sine modes in spans [m].
+
+    Args:
+        params: The drive.
+        points: Where the cells begin (n_b, 2) [m].
+        axes: Of the pulleys (n_p, 2) [m].
+        deflection: Of the sine modes (n_p, K) [m]; None: not known, spans are straight.
+    """
+    ends, found, span = np.roll(points, -1, axis=0), [], 0
+    share = np.linspace(0.0, 1.0, _POINTS)[:, None]
+    for begin, end, k in zip(points, ends, params._cells, strict=True):
+        if k >= 0:
+            arms = np.stack([begin, end]) - axes[k]
+            (r0, r1), (a0, a1) = np.hypot(*arms.T), np.arctan2(*arms.T[::-1])
+            turn = a0 + share[::5] * ((a1 - a0 + np.pi) % (2.0 * np.pi) - np.pi)
+            radius = r0 + share[::5] * (r1 - r0)
+            found.append(axes[k] + radius * np.hstack([np.cos(turn), np.sin(turn)]))
+            continue
+        line = begin + share * (end - begin)
+        if deflection is not None:
+            along = (end - begin) / np.linalg.norm(end - begin)
+            outwards = params.route.senses[0] * np.array([along[1], -along[0]])
+            modes = np.arange(1, 1 + deflection.shape[1])
+            line = line + np.sin(np.pi * share * modes) @ deflection[span][:, None] * outwards
+        found.append(line)
+        span += 1
+    return found
 
 
 def mid_span(params: Params, belt: Line, force: Array) -> Array:

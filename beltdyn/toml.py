@@ -81,6 +81,7 @@ _PLAIN = (
     tuple[float, float] | None,
     Offsets,
     Stops,
+    int | None,
     float | None,
     bool | None,
     PulleyLike,

@@ -271,6 +271,10 @@ size_t bd_size(const bd_info *of, int size);
 const char *bd_size_name(int size); /* NULL past the last */
 
 int bd_model_belt(const bd_model *model); /* row of its belt, BD_BELT_MODEL_... */
+/* Of a belt that flows through cells, by cell (n_bodies): its pulley, -1 in spans; the share of the
+ * wrap, 0 in spans, that is behind where it begins. Returns whether it is such a belt: of others
+ * nothing is written. */
+int bd_model_cells(const bd_model *model, int32_t *pulley, double *share);
 /* Travels of the mounts (n_mounts) in equilibrium with the belt; where there is none
  * (bd_model_check_geometry) those of the scene, 0. Centres of all pulleys (n_p, 2) [m] at travels.
  */

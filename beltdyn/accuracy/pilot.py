@@ -142,7 +142,7 @@ class Pilot:
         self.space_errors: list[float] = []
         self.order = _ASSUMED
         self.time_errors: dict[tuple[str, float], float] = {}
-        self.time_mesh = params.belt.n_bodies
+        self.time_mesh = params.n_bodies
 
     @property
     def spent(self) -> float:
@@ -161,7 +161,7 @@ class Pilot:
             SimulationError: The drive runs at no setting.
         """
         if self._fixed:
-            n_b = self._params.belt.n_bodies
+            n_b = self._params.n_bodies
             self._first(Setting(n_b, *probe) for probe in _PROBES)
             self.meshes, self.space_errors = [n_b], [math.nan]
         else:

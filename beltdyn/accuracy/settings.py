@@ -20,6 +20,8 @@ RTOLS = (1e-1, 3e-2, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 _SHARES = (0.25, 0.5, 1.0, 2.0, 4.0)
 #: Links on the circumference of the smallest pulley, at least: of a hexagon.
 _ROUND = 6
+#: Cells of a pulley and the span that follows it, at least.
+CELLS = 7
 
 
 @attrs.frozen(order=True)
@@ -46,12 +48,14 @@ class Setting:
 
 
 def fewest(params: Params) -> int:
-    """Give the least number of links that still lie round every pulley."""
+    """Give the least number of links that still lie round every pulley; of cells the least."""
+    if params._belt_facts["flows"]:
+        return CELLS * len(params.pulleys)
     radius = min(pulley.radius for pulley in params.pulleys)
     return max(8, math.ceil(_ROUND * params.info["length"] / (2.0 * math.pi * radius)))
 
 
 def meshes(params: Params) -> tuple[int, ...]:
     """Give numbers of links about those of a drive, each twice the one before."""
-    n_b, least = params.belt.n_bodies, fewest(params)
+    n_b, least = params.n_bodies, fewest(params)
     return tuple(n for n in (round(share * n_b) for share in _SHARES) if n >= least)

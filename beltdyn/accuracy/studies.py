@@ -127,7 +127,7 @@ def quick(scene: Scene) -> tuple[Scene, dict[str, Any]]:
         SimulationError: It cannot be run with half the links.
     """
     scene = whole_scene(scene)
-    n_b = scene.params.belt.n_bodies
+    n_b = scene.params.n_bodies
     few = min(n_b, max(n_b // 2, fewest(scene.params)))
     cost = Runs(scene, simulate, settle)(Setting(few, "auto", 1e-2)).cpu
     numbers = [few, n_b] if cost * _BOTH <= _QUICK and few < n_b else [few]
@@ -309,7 +309,7 @@ class _Job:
                 for n, p in sorted(references.items())
             ),
             mesh=self.scene.params.belt.mesh,
-            n_bodies=self.scene.params.belt.n_bodies,
+            n_bodies=self.scene.params.n_bodies,
         )
 
 

@@ -69,7 +69,7 @@ class Suggestion:
     @property
     def n_bodies(self) -> int:
         """Number of links."""
-        return self.scene.params.belt.n_bodies
+        return self.scene.params.n_bodies
 
     @property
     def options(self) -> dict[str, Any]:
@@ -87,9 +87,10 @@ class Suggestion:
         return Setting(self.n_bodies, self.method, self.rtol)
 
     def __str__(self) -> str:
+        mesh = f"{self.n_bodies} {self.params._belt_facts['nodes']}"
         text = (
             f"For an error of {percent(self.asked)} of {self.quantity.replace('_', ' ')}: method "
-            f'"{self.method}", rtol {self.rtol:.2g}, {self.n_bodies} links; about '
+            f'"{self.method}", rtol {self.rtol:.2g}, {mesh}; about '
             f"{self.seconds:.2g} s of CPU time, expected error {percent(self.error)} "
             f"({percent(self.error_space)} of the mesh, {percent(self.error_time)} of time). "
         )
@@ -99,7 +100,7 @@ class Suggestion:
                 f"be promised: the best found is {percent(self.error)} "
                 f"({percent(self.error_space)} of the mesh, {percent(self.error_time)} of time), "
                 f"{self.error / self.asked:.2g} times as much, with method "
-                f'"{self.method}", rtol {self.rtol:.2g}, {self.n_bodies} links; about '
+                f'"{self.method}", rtol {self.rtol:.2g}, {mesh}; about '
                 f"{self.seconds:.2g} s of CPU time. "
             )
         if self.error_contact > 0.5 * self.asked:

@@ -59,6 +59,8 @@ PARTED, PARTED_RTOL = 100.0, 1e-4
 #: Histories are judged if they are known over this part of the run.
 JUDGED = 0.1
 
+_SPEEDS = ("vx", "vy", "vphi", "v", "p", "omega")
+
 #: ``simulate`` without verification; it also gives the state from which the run started.
 Run = Callable[..., tuple[Result, State]]
 Settle = Callable[..., State]
@@ -213,8 +215,7 @@ class Verification:
         meshes = {}
         for name, ratio in (("coarse", COARSE), ("fine", FINE)):
             if name in checks:
-                links = self._links(ratio) / self._params.belt.n_bodies
-                meshes[name] = (links, checks[name].observed)
+                meshes[name] = (self._finer(self._links(ratio)), checks[name].observed)
         errors = []
         for quantity in QUANTITIES:
             time = None if "time" in checks else before[quantity].time
@@ -290,7 +291,15 @@ class Verification:
         )
 
     def _links(self, ratio: float) -> int:
-        return max(3, round(ratio * self._params.belt.n_bodies))
+        return max(3, round(ratio * self._params.n_bodies))
+
+    def _finer(self, n_bodies: int) -> float:
+        """Give how much finer a mesh of so many links is; by cells on pulleys, of which it is."""
+        own, flows = self._params, self._params._belt_facts["flows"]
+        spans = len(own.pulleys) if flows else 0
+        if flows:
+            n_bodies = with_links(own, n_bodies).n_bodies
+        return (n_bodies - spans) / (own.n_bodies - spans)
 
     def _mesh(self, ratio: float) -> _Check | str:
         """Give what another mesh shows, run here unless the other thread has begun it."""
@@ -304,16 +313,17 @@ class Verification:
             return check(*what)
 
     def _on_mesh(self, ratio: float) -> _Check | str:
-        n_bodies, own = self._links(ratio), self._params.belt.n_bodies
-        if n_bodies == own or n_bodies > _core.MAX_LINKS:
-            return f"no mesh of {ratio:g} times the links was tried"
+        n_bodies, own = self._links(ratio), self._params.n_bodies
+        nodes = self._params._belt_facts["nodes"]
+        if n_bodies > _core.MAX_LINKS or self._finer(n_bodies) == 1.0:
+            return f"no mesh of {ratio:g} times the {nodes} was tried"
         method, rtol, step = self._method, max(self._rtol, MESH_RTOL), self._step
         if ratio < 1.0 and step is None and method in ("auto", "tsit5"):
             method = "rodas4"  # unrelated to most of the run
         if step is not None and method == "rk4":
             step *= own / n_bodies  # as its stability asks
         fixed = step if method in ("rk4", "lbdf2", "lie") else None
-        name = f"{n_bodies} links with {method}" + ("" if fixed else f" at rtol = {rtol:.2g}")
+        name = f"{n_bodies} {nodes} with {method}" + ("" if fixed else f" at rtol = {rtol:.2g}")
         try:
             params = with_links(self._params, n_bodies)
             start = None
@@ -322,7 +332,7 @@ class Verification:
                 if start is None:
                     return (
                         "error of the mesh not verified: the initial state is given on "
-                        f"{own} links, and is not one of settle(params, ...) or its at_speed(...)"
+                        f"{own} {nodes}, and is not one of settle(params, ...) or its at_speed(...)"
                     )
         except Interrupted:
             raise
@@ -362,7 +372,7 @@ def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -
     Links have positions of their own, to within the depth of the contact; a state that is moved to
     other links would begin with a shock.
     """
-    still = not any(getattr(initial, name).any() for name in ("omega", "vx", "vy", "vphi"))
+    still = not any(getattr(initial, name).any() for name in _SPEEDS)
     speeds = {0: float(initial.omega[0])}
     ways: tuple[Callable[[Params], State], ...] = (
         lambda drive: settle(drive, speed=speeds),
@@ -376,7 +386,7 @@ def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -
 
 def _same(one: State, other: State, scale: float) -> bool:
     """Tell whether links stand and move alike, positions to 1e-9 of a scale [m]."""
-    places, speeds = ["x", "y", "phi", "mu", "slip"], ("vx", "vy", "vphi", "omega")
+    places = ["x", "y", "phi", "m", "a", "mu", "slip"]
     if one.mu.shape != other.mu.shape:  # states of laws with other numbers of them
         if one.mu.any() or other.mu.any():
             return False
@@ -384,7 +394,7 @@ def _same(one: State, other: State, scale: float) -> bool:
     return all(
         np.allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-9 * scale)
         for name in places
-    ) and all(np.allclose(getattr(one, name), getattr(other, name)) for name in speeds)
+    ) and all(np.allclose(getattr(one, name), getattr(other, name)) for name in _SPEEDS)
 
 
 def _apart_from(result: Result) -> float | None:

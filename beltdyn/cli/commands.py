@@ -6,6 +6,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import Any
 
+import attrs
 import click
 
 from .. import __version__, accuracy, scenes
@@ -15,7 +16,9 @@ from ..checks import close_to
 from ..explaining import explain
 from ..hard import SCENES as HARD
 from ..hard import HardScene
+from ..parts import CHOOSE, MESHES
 from ..run_warnings import silenced
+from ..scene import Scene
 from ..simulation import METHODS, simulate
 from .ending import BAD_INPUT, FAILED, Group, interruptible, reported, stop, warn
 from .printed import check_share, print_result, running, write
@@ -33,6 +36,7 @@ def main() -> None:
     beltdyn scenes                                   list the built-in scenes
     beltdyn scenes --hard                            list those made to break an integrator
     beltdyn run hard/sigma-1e8                       run one of these
+    beltdyn run serpentine --mesh ale                with a belt that flows through cells
     beltdyn show three-pulleys --plot layout.png     look at one before it runs
     beltdyn run kubas-case-1 --plot case1.png        run one, draw an overview
     beltdyn run drive.toml --out drive.npz           run a scene of your own (.nc, .csv, .mat)
@@ -98,10 +102,31 @@ def _list_hard(family: str) -> None:
         click.echo(fill(text, 96, subsequent_indent=" " * (width + 4)))
 
 
+_mesh_option = click.option(
+    "--mesh",
+    type=click.Choice(MESHES),
+    help="The belt on this mesh in place of the scene's; the cells of ale are chosen.",
+)
+
+
+def _find(scene: str, mesh: str | None) -> Scene | HardScene:
+    """Give the scene of a name or a file, its belt on another mesh if one is named."""
+    found = scenes.find(scene)
+    if mesh is None:
+        return found
+    if isinstance(found, HardScene):
+        raise ValueError(f"--mesh: hard/{found.name} is of its own mesh")
+    belt = found.params.belt
+    n_bodies = None if mesh in CHOOSE else belt.n_bodies
+    belt = attrs.evolve(belt, mesh=mesh, n_bodies=n_bodies)
+    return found._replace(params=attrs.evolve(found.params, belt=belt))
+
+
 @main.command()
 @click.argument("scene")
+@_mesh_option
 @click.option("--plot", type=click.Path(path_type=Path), help="Draw the layout here.")
-def show(scene: str, plot: Path | None) -> None:
+def show(scene: str, mesh: str | None, plot: Path | None) -> None:
     """Show the drive of SCENE before anything runs: its data, and the way of the belt.
 
     SCENE is a name from `beltdyn scenes` or a TOML file.
@@ -109,7 +134,7 @@ def show(scene: str, plot: Path | None) -> None:
     outputs = Outputs(None, plot, None, False)
     outputs.check()
     with reported():
-        found = scenes.find(scene)
+        found = _find(scene, mesh)
     params = found.params
     if isinstance(found, HardScene):
         click.echo(f"{found.told}\n")
@@ -124,6 +149,7 @@ def show(scene: str, plot: Path | None) -> None:
 
 @main.command()
 @click.argument("scene")
+@_mesh_option
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -180,6 +206,7 @@ def show(scene: str, plot: Path | None) -> None:
 def run(
     context: click.Context,
     scene: str,
+    mesh: str | None,
     out: Path | None,
     plot: Path | None,
     animate: Path | None,
@@ -220,7 +247,7 @@ def run(
             asked = Checkpoint(checkpoint, checkpoint_every)
             Fresh(asked).close()  # before anything takes long
             options["checkpoint"] = asked
-        found = scenes.find(scene)
+        found = _find(scene, mesh)
         if t_end is not None:
             found = found._replace(t_end=t_end)
         if isinstance(found, HardScene):
@@ -383,6 +410,7 @@ def study_accuracy(
 
 @main.command("explain")
 @click.argument("scene")
+@_mesh_option
 @click.option("--error", type=float, default=1e-2, show_default=True, help="Error asked for.")
 @click.option(
     "--budget", type=float, default=30.0, show_default=True, help="CPU time for it, about [s]."
@@ -390,7 +418,7 @@ def study_accuracy(
 @click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
 def explain_scene(
-    scene: str, error: float, budget: float, method: str, t_end: float | None
+    scene: str, mesh: str | None, error: float, budget: float, method: str, t_end: float | None
 ) -> None:
     """Tell which effects SCENE simulates, what calls for them, what they cost and change.
 
@@ -399,7 +427,7 @@ def explain_scene(
     out one effect at a time changes, and which may be left out at the error asked for.
     """
     with reported():
-        found = scenes.find(scene)
+        found = _find(scene, mesh)
         with interruptible():
             explanation = explain(
                 found.params,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import attrs
 
@@ -29,7 +29,8 @@ class StateSize:
     """How large the state is.
 
     Attributes:
-        parts: Numbers by part: "links", "friction", "pulleys", "mounts", "couplings", "ledger".
+        parts: Numbers by part: "links", or "cells" and "modes" of an ALE belt, "friction",
+            "pulleys", "mounts", "couplings", "ledger".
         fields: Names of what each part holds.
         numbers: Length of the state vector as the core keeps it, with its padding for vectors.
         bytes: The same in bytes.
@@ -92,13 +93,13 @@ class Step:
         return self.alone - sum(one.per_step for one in self.passes)
 
 
-def size_of(sim: _core.Simulation, own: Sequence[str]) -> StateSize:
-    """Give the size of the state of a run, whose nodes have fields of their own."""
+def size_of(sim: _core.Simulation, belt: _core.BeltFacts) -> StateSize:
+    """Give the size of the state of a run."""
     state, sizes = sim.state(), sim.sizes
     parts: dict[str, int] = {}
     fields: dict[str, tuple[str, ...]] = {}
     for name, size in SIZES.items():
-        if size == "LINKS" and name not in own:
+        if size in belt["lacks"] or (size == "LINKS" and name not in belt["fields"]):
             continue
         part = _FRICTION if size in ROWS else size.lower()
         parts[part] = parts.get(part, 0) + int(state[name].size)

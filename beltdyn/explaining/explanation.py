@@ -210,7 +210,7 @@ def explain(
     motions = as_motions(motion, params.pulley_names)
     return Explanation(
         effects=effects_of(params, _described(torque_fn), motions, sim.effects, sim.passes),
-        state=size_of(sim, scene.params._belt_facts["fields"]),
+        state=size_of(sim, scene.params._belt_facts),
         step=step,
         window=window,
         ablation=found,

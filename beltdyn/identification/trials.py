@@ -139,7 +139,7 @@ class Rig:
     def _drives(self, u: Array, refine: int) -> list[Params | Exception]:
         try:
             drive = place(self._params, self._parameters, u)
-            drive = with_links(drive, refine * drive.belt.n_bodies) if refine > 1 else drive
+            drive = with_links(drive, refine * drive.n_bodies) if refine > 1 else drive
         except ValueError as error:
             return [error] * len(self._runs)
         return [_drive_of(run.experiment, drive) for run in self._runs]

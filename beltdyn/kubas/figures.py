@@ -294,7 +294,7 @@ def _along(panel: _Panel) -> None:
     force_along_belt(
         result, _SNAPSHOT, first=1, wraps=False, ax=panel.ax, label="joint force", **panel.line
     )
-    count = result.params.belt.n_bodies
+    count = result.params.n_bodies
     firsts = [_Q[name] for name in ("growing", "grown", "falling", "fallen")]
     for quantity in firsts:
         panel.ax.axvspan(

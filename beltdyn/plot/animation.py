@@ -78,7 +78,8 @@ def animate(
         arcs: Whether to mark where the belt sticks and where it slips.
         slip_from: A link slips from this share of full friction on, in (0, 1].
         links: Links to highlight: an index, a sequence of them, {name: index} or None; one makes
-            the motion of the belt visible.
+            the motion of the belt visible. Of an ALE belt marks that go with it, in the middle of
+            these cells at first.
         limits: Ends of the colour scale; None: the extremes of the run for the tension, the kinetic
             coefficient, to either side, for friction.
 
@@ -95,7 +96,7 @@ def animate(
         colour=colour,
         arcs=arcs,
         slip_from=slip_from,
-        links=named_links(links, result.params.belt.n_bodies),
+        links=named_links(links, result.params.n_bodies),
         limits=limits,
     )
     heights = [2.2, 1.0] if panel else [1.0]

@@ -31,7 +31,8 @@ def force_along_belt(
 ) -> Axes:
     """Draw the joint forces along the belt at one time: Fig. 9 of the paper.
 
-    The force of a joint is drawn at the left end of its element, half a number before it. With
+    The force of a joint is drawn at the left end of its element, half a number before it; that of a
+    cell of an ALE belt, which is one of a place, at its number. With
     ``wraps=False`` and axes that already hold such forces, several times can be compared.
 
     Args:
@@ -48,15 +49,18 @@ def force_along_belt(
     result = with_samples(result)
     row = sample(result, t)
     first = integer("first", first, 0)
-    n_b = result.params.belt.n_bodies
+    n_b = result.params.n_bodies
     ax = style.axes(ax)
     look: dict[str, Any] = {"marker": ".", "markersize": 3, "linewidth": 0.9}
     look |= style.line_style(style.unused(ax, len(style.COLOURS) - 1)) | {"linestyle": "-"}
     short = {"marker": "", "markersize": "ms", "linewidth": "lw", "color": "c", "linestyle": "ls"}
     look = {key: value for key, value in look.items() if short[key] not in line}
     label = {"label": f"t = {result.t[row]:.4g} s"}
-    ax.plot(first + np.arange(n_b) - 0.5, result.joints.force[row], **(look | label | line))
-    style.dress(ax, "element along the belt", "joint force [N]")
+    flows = result.params._belt_facts["flows"]
+    at = first + np.arange(n_b) - (0.0 if flows else 0.5)
+    ax.plot(at, result.joints.force[row], **(look | label | line))
+    words = ("cell", "tension") if flows else ("element", "joint force")
+    style.dress(ax, f"{words[0]} along the belt", f"{words[1]} [N]")
     ax.set_xlim(first - 0.5, first + n_b - 0.5)
     if wraps:
         _shade_wraps(ax, result, row, first)
@@ -118,7 +122,7 @@ def drive(
             for a drive without friction.
         slip_from: A link counts as slipping from this share of full friction on,
             in (0, 1]; with a Stribeck curve that at its slip velocity.
-        links: Links to highlight: an index, a sequence of them, or {name: index}.
+        links: Links to highlight: an index, a sequence of them, or {name: index}; or cells.
         limits: Ends of the colour scale; None: least and largest tension at this time, or the
             kinetic coefficient, to either side, for friction.
         ax: Axes to draw into; None: those of a new figure.
@@ -134,7 +138,7 @@ def drive(
         colour=colour,
         arcs=arcs,
         slip_from=slip_from,
-        links=named_links(links, result.params.belt.n_bodies),
+        links=named_links(links, result.params.n_bodies),
         limits=limits,
     )
     ax = style.axes(ax, picture.height)

@@ -45,7 +45,7 @@ def contact_forces(
         TypeError, ValueError: An argument breaks its rule.
     """
     result = with_samples(result)
-    chosen = indices("link", link, result.params.belt.n_bodies)
+    chosen = indices("link", link, result.params.n_bodies)
     forces = [which] if isinstance(which, str) else which
     if not isinstance(forces, Sequence):
         raise TypeError(f"which must be a str or a sequence of them, got {which!r}")
@@ -54,7 +54,7 @@ def contact_forces(
     for word in forces:
         choice("which", word, _FORCES)
     curves = [
-        (n, f"{force}, link {k}", result.t, getattr(result.contact, force)[:, k])
+        (n, f"{force}, {_what(result)} {k}", result.t, getattr(result.contact, force)[:, k])
         for n, (k, force) in enumerate((k, force) for k in chosen for force in forces)
     ]
     ax = style.axes(ax)
@@ -127,20 +127,25 @@ def _in_contact(
     given: dict[str, Any],
 ) -> Axes:
     curves = []
-    for n, k in enumerate(indices("link", link, result.params.belt.n_bodies)):
+    for n, k in enumerate(indices("link", link, result.params.n_bodies)):
         touches = result.contact.pulley[:, k] >= 0
         x = result.t if against == "time" else 1e3 * result.contact.slip[:, k]
         y = np.where(touches, values[:, k], np.nan)
         if against == "slip":
             x = np.where(touches, x, np.nan)
-        anew = _begun_anew(result, k)
-        name = f"link {k}" if touches.any() else f"link {k} (no contact)"
+        flows = result.params._belt_facts["flows"]
+        anew = np.zeros(0, dtype=np.intp) if flows else _begun_anew(result, k)
+        name = f"{_what(result)} {k}" + ("" if touches.any() else " (no contact)")
         curves.append((n, name, np.insert(x, anew, np.nan), np.insert(y, anew, np.nan)))
     ax = style.axes(ax)
     lines(ax, curves, given)
     style.dress(ax, xlabel, ylabel)
     style.legend(ax)
     return ax
+
+
+def _what(result: Result) -> str:
+    return "cell" if result.params._belt_facts["flows"] else "link"
 
 
 def _begun_anew(result: Result, k: int) -> NDArray[np.intp]:

@@ -219,6 +219,7 @@ def _joints(
     ax: Axes | None,
     given: dict[str, Any],
 ) -> Axes:
-    which = indices("joint", joint, result.params.belt.n_bodies)
-    names = [f"joint {k}" for k in which]
+    which = indices("joint", joint, result.params.n_bodies)
+    what = "cell" if result.params._belt_facts["flows"] else "joint"
+    names = [f"{what} {k}" for k in which]
     return _over_time(result, which, values, names, ylabel, ax, given, fixed_styles=False)

@@ -13,6 +13,7 @@ from matplotlib.patheffects import withStroke
 from ..checks import Array, integer, positive
 from ..naming import span_name
 from ..rounding import percent
+from ..spans import lines_of_cells
 from ..vibration import FrequencyResponse, Modes
 from . import style
 from .animation import Animation
@@ -32,25 +33,29 @@ class _ModePicture:
     def __init__(self, ax: Axes, modes: Modes, k: int, scale: float) -> None:
         self.modes, self.k, self.ax = modes, k, ax
         self.params, state = modes.params, modes.state
-        self.rest = np.array([state.x, state.y])
+        self.centers = np.array(self.params.centers(state.travel))
+        self.nodes = _nodes(modes)
+        self.rest = self._line(self.nodes, self.centers)
         self.size = float(max(np.ptp(self.rest[0]), np.ptp(self.rest[1])))
         self.scale = scale * _LARGEST * self.size
-        ax.plot(*self._closed(self.rest), color="0.72", lw=1.0, label="at rest")
-        self.centers = np.array(self.params.centers(state.travel))
+        ax.plot(*self.rest, color="0.72", lw=1.0, label="at rest")
         for k_p, pulley in enumerate(self.params.pulleys):
             ax.add_patch(
                 Circle(tuple(self.centers[k_p]), pulley.radius, fc="none", ec="0.8", lw=0.8)
             )
 
-    @staticmethod
-    def _closed(points: Array) -> Array:
+    def _line(self, points: Array, axes: Array, deflection: Array | None = None) -> Array:
+        """Give the closed line of the belt (2, n) through links, or where cells begin (2, n_b)."""
+        if self.params._belt_facts["flows"]:
+            points = np.vstack(lines_of_cells(self.params, points.T, axes, deflection)).T
         return np.hstack([points, points[:, :1]])
 
     def belt(self, phase: complex) -> Array:
-        """Places of the links, exaggerated."""
-        shapes = self.modes.shapes
-        moved = np.array([(shapes.x[self.k] * phase).real, (shapes.y[self.k] * phase).real])
-        return self._closed(self.rest + self.scale * moved)
+        """Places of the belt, exaggerated."""
+        shapes, k = self.modes.shapes, self.k
+        moved = np.array([(shapes.x[k] * phase).real, (shapes.y[k] * phase).real])
+        across = self.scale * (shapes.deflection[k] * phase).real
+        return self._line(self.nodes + self.scale * moved, self.axes_at(phase), across)
 
     def turns(self, phase: complex) -> Array:
         """Angles of the marks [rad]: the rims move as far as the belt, at most by _TURN."""
@@ -101,10 +106,15 @@ class _ModePicture:
         place_names(self.ax, names, self.centers, radii, lines, marks=1, pivots=pivots)
 
 
+def _nodes(modes: Modes) -> Array:
+    """Where the links are at the state, or the cells begin (2, n_b) [m]."""
+    seen = modes.params._model.observe(modes.state._to_core(modes.params))
+    return np.array([seen["x"][0], seen["y"][0]])
+
+
 def _height(modes: Modes) -> float:
     """Height of a figure that the drive fills [inch]."""
-    extent = [np.ptp(modes.state.x), np.ptp(modes.state.y)]
-    return style.height_to_scale(np.array(extent), beside=1.3, below=1.8)
+    return style.height_to_scale(np.ptp(_nodes(modes), axis=1), beside=1.3, below=1.8)
 
 
 def mode(modes: Modes, k: int = 0, *, scale: float = 1.0, ax: Axes | None = None) -> Axes:

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from ..arcs import full_friction
 from ..checks import Array, pair, real
-from ..outputs import has
+from ..places import follow
 from ..result import Result
-from ..spans import has_angles
+from ..spans import has_angles, lines_of_cells
 from . import style
 from .labels import per_unit, place_names
 from .mounting import MountPicture
@@ -86,7 +86,17 @@ class DrivePicture:
         self._slip_from = slip_from
         self._arcs_on = bool(arcs) and has_friction
         self._moves = result.mounts is not None
+        self._flows = bool(result.params._belt_facts["flows"])
         self._limits = self._scale(limits)
+        self._followed = [self._follow(link) for link in self._links.values()]
+
+    def _follow(self, link: int) -> tuple[NDArray[np.intp], Array] | None:
+        """Follow a mark on a belt that flows; None: links carry it, or it is not known."""
+        result = self._result
+        if not (self._flows and result._has("belt.passed") and result._has("joints.force")):
+            return None
+        first = range(len(result.t))[self._rows][0]
+        return follow(result.params, result.joints.force, result.belt.passed, link, first)
 
     def _scale(self, limits: object) -> tuple[float, float]:
         if limits is not None:
@@ -97,7 +107,7 @@ class DrivePicture:
         if self._colour == "friction":
             most = float(self._kinetic.max())
             return -most, most
-        tension = _of_links(self._result.joints.force[self._rows])
+        tension = self._tension(self._rows)
         return float(tension.min()), float(tension.max())
 
     # --- drawing once ----------------------------------------------------------------------------
@@ -243,10 +253,10 @@ class DrivePicture:
         """Show another sample; give the artists that changed."""
         result = self._result
         ends = self._ends(row)
-        self._belt.set_segments(list(ends))
-        self._edge.set_segments(list(ends))
+        self._belt.set_segments(ends)
+        self._edge.set_segments(ends)
         if self._colour == "tension":
-            self._belt.set_array(_of_links(result.joints.force[row]))
+            self._belt.set_array(self._tension(row))
         elif self._colour == "friction":
             on = result.contact.pulley[row] >= 0
             self._belt.set_array(np.ma.masked_where(~on, result.contact.mu[row]))
@@ -270,8 +280,14 @@ class DrivePicture:
             on, slips = self._states(row)
             for collection, chosen in zip(self._arcs, (on & ~slips, slips), strict=True):
                 collection.set_segments(self._rim_arcs(row, chosen))
-        for mark, link in zip(self._marks, self._links.values(), strict=True):
-            mark.set_data([result.belt.x[row, link]], [result.belt.y[row, link]])
+        for mark, link, followed in zip(
+            self._marks, self._links.values(), self._followed, strict=True
+        ):
+            x, y = result.belt.x[row, link], result.belt.y[row, link]
+            if followed is not None:
+                line, part = ends[int(followed[0][row])], followed[1][row]
+                x, y = (np.interp(part, np.linspace(0.0, 1.0, len(line)), one) for one in line.T)
+            mark.set_data([x], [y])
         return [
             *(self._rims + self._titles if self._moves else []),
             *self._mounts.move(centers),
@@ -283,19 +299,28 @@ class DrivePicture:
             *(arrow for pair_ in self._arrows for arrow in pair_),
         ]
 
-    def _ends(self, row: int) -> Array:
-        """Both ends of each link, of a string of the bar behind each mass (n_b, 2, 2) [m]."""
-        belt = self._result.belt
+    def _tension(self, rows: int | slice) -> Array:
+        """Tension of links, the mean of the joints at their ends; of cells their own."""
+        force = self._result.joints.force[rows]
+        return force if self._flows else (force + np.roll(force, -1, axis=-1)) / 2.0
+
+    def _ends(self, row: int) -> list[Array]:
+        """Both ends of each link, of a string of the bar behind each mass; lines of cells [m]."""
+        result, belt = self._result, self._result.belt
         centre = np.stack([belt.x[row], belt.y[row]], axis=-1)
+        if self._flows:
+            there = result._has("spans.deflection")
+            shape = result.spans.deflection[row] if there else None
+            return lines_of_cells(result.params, centre, self._centers(row), shape)
         if not has_angles(self._result.params):
-            return np.stack([centre, np.roll(centre, -1, axis=0)], axis=1)
+            return list(np.stack([centre, np.roll(centre, -1, axis=0)], axis=1))
         along = self._half * np.stack([np.cos(belt.phi[row]), np.sin(belt.phi[row])], axis=-1)
-        return np.stack([centre - along, centre + along], axis=1)
+        return list(np.stack([centre - along, centre + along], axis=1))
 
     def _states(self, rows: int | slice) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Find the links that touch a pulley, and those of them that slip."""
         contact = self._result.contact
-        known = has(self._result.outputs, "contact.velocity")
+        known = self._result._has("contact.velocity")
         velocity = contact.velocity[rows] if known else None
         touched, mu = contact.pulley[rows], contact.mu[rows]
         full = full_friction(self._result.params, touched, velocity)
@@ -311,7 +336,7 @@ class DrivePicture:
         for k in np.flatnonzero(touched >= 0):
             pulley = self._result.params.pulleys[touched[k]]
             centre = centers[touched[k]]
-            off = ends[k] - centre
+            off = ends[k][[0, -1]] - centre
             angles = np.arctan2(off[:, 1], off[:, 0])
             turn = (angles[1] - angles[0] + np.pi) % (2.0 * np.pi) - np.pi
             steps = angles[0] + turn * np.linspace(0.0, 1.0, 5)
@@ -357,9 +382,3 @@ class DrivePicture:
         if handles:
             style.legend_below(ax, handles)
         self._place_names(ax)
-
-
-def _of_links(force: Array) -> Array:
-    """Tension of links, the mean of the joints at their ends; joints are on the last axis."""
-    mean: Array = (force + np.roll(force, -1, axis=-1)) / 2.0
-    return mean

@@ -51,7 +51,7 @@ def tension_along(
     if not times:
         raise ValueError("t must hold at least one time, got none")
     rows = [sample(result, one) for one in times]
-    n_s = _PER_LINK * result.params.belt.n_bodies
+    n_s = _PER_LINK * result.params.n_bodies
     places = np.linspace(0.0, result.params.route.length, n_s + 1)
     found = result._along("joints.force", places, rows)
     ax = style.axes(ax)

@@ -367,6 +367,8 @@ def _passing(ax: Axes, found: Spectrogram, speed: Array, high: float) -> list[Li
     belt: dict[str, Any] = {"color": _BELT, "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))}
     ax.plot(_RPM * speed, ratio * speed, zorder=2, **belt)
     handles.append(Line2D([], [], label="belt passing", **belt))
+    if not found.n_bodies:
+        return handles
     link: dict[str, Any] = {"color": _LINK, "lw": 1.2, "ls": (0, (4, 2))}
     fine = np.linspace(speed[0], speed[-1], 2000)
     at = ratio * found.n_bodies * fine

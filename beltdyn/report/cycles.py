@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import Array
+from ..places import follow
 from .rows import Cycle
 from .window import Window
 
@@ -64,12 +65,13 @@ def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
     Args:
         window: The part of the run.
         driver: The driving pulley, whose rim tells how far the belt has gone.
-        joint: The joint.
+        joint: The joint; of cells the belt that is in the middle of this one at the end.
     """
-    run = window.run
-    if not run._has("joints.force"):
-        note = "no load cycles: joints.force was not asked for"
-        return Counted([], float(window.t[0]), None, [note])
+    run, flows = window.run, window.params._belt_facts["flows"]
+    for name in ("joints.force", *(("belt.passed",) if flows else ())):
+        if not run._has(name):
+            note = f"no load cycles: {name} was not asked for"
+            return Counted([], float(window.t[0]), None, [note])
     first, rounds = window.rows.start, None
     if driver is not None:
         gone = _gone(window, driver)
@@ -78,7 +80,13 @@ def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
         rounds = float(gone[first])
     begin = float(run.t[first])
     try:
-        cycles = rainflow(run.joints.force[first:, joint])
+        force = run.joints.force[first:]
+        if flows:
+            cells, _ = follow(window.params, force, run.belt.passed[first:], joint)
+            values = force[np.arange(cells.size), cells]
+        else:
+            values = force[:, joint]
+        cycles = rainflow(values)
     except ImportError as error:
         return Counted([], begin, rounds, [str(error)])
     notes = []

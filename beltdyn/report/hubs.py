@@ -7,7 +7,7 @@ import numpy as np
 
 from ..checks import Array
 from ..places import routes
-from ..spans import Coordinates, mid_span
+from ..spans import Coordinates, mid_span, of_spans
 from ..spectra.sources import belt_turning
 from .pulleys import spread
 from .rows import PulleyRow
@@ -24,6 +24,10 @@ def middles(window: Window) -> Array | None:
     NaN where the belt is not there, as in a span shorter than a link.
     """
     run = window.run
+    if window.params._belt_facts["flows"]:
+        if missing(run, ("joints.force",)):
+            return None
+        return of_spans(window.params, window.of(run.joints.force))
     if missing(run, _OF_MIDDLE):
         return None
     part = Coordinates(*(window.of(one) for one in (run.belt.x, run.belt.y, run.belt.phi)))

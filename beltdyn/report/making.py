@@ -55,7 +55,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
         TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has not two samples.
     """
     share = share_of_run("last", last)
-    n_b = run.params.belt.n_bodies
+    n_b = run.params.n_bodies
     which = integer("joint", joint, 0)
     if which >= n_b:
         raise ValueError(f"joint must be < {n_b}, the number of joints, got {which}")
@@ -123,6 +123,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
         power_error=run.accuracy["power"].known,
         tension_error=run.accuracy["span_mean"].known,
         creep_error=run.accuracy["creep"].known,
+        nodes=run.params._belt_facts["nodes"],
         cycles=tuple(counted.cycles),
         joint=which,
         cycles_begin=counted.begin,

@@ -26,6 +26,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array
+from ..compliance import depth_under
 from ..mounts import Sprung
 from ..params import Params
 from ..route import Route, route_at
@@ -90,14 +91,11 @@ class _Theory:
         given = steady.friction
         self.mu = params._slip_limits[0] if given is None else given
         self.radii = np.array([pulley.radius for pulley in params.pulleys])
-        contact = params.effective_contact
-        assert contact.linear is not None
-        self.contact = contact.quadratic, contact.linear
         self.raised = np.zeros_like(self.radii)
-        if contact.compensate:
+        if params.effective_contact.compensate:
             at_rest = float(params.info["strain_tension"])
             pull = at_rest * (1.0 + at_rest / self.stiffness)
-            self.raised = self._depth(np.full_like(self.radii, pull), self.radii)
+            self.raised = depth_under(params, pull / self.radii)
         self.arrives = -1 if steady.speed >= 0.0 else 0
         # Of span k the pulley k + 1 is the next one: tension on arriving is that of span k - 1.
         self.stretch_in = 1.0 + self._arriving(steady.tension)[steady.driver] / self.stiffness
@@ -123,11 +121,6 @@ class _Theory:
 
     def less_mass(self, tension: Array, speed: float) -> Array:
         return np.asarray(tension - self.density * speed**2 * (1.0 + tension / self.stiffness))
-
-    def _depth(self, pull: Array, radii: Array) -> Array:
-        c1, c2 = self.contact
-        pressure = np.maximum(pull, 0.0) / radii
-        return np.asarray(2.0 * pressure / (c2 + np.sqrt(c2**2 + 4.0 * c1 * pressure)))
 
     def speed_at(self, arriving: float) -> float:
         """Give the speed of the belt when it arrives at the driving pulley with this tension."""
@@ -217,7 +210,7 @@ class _Theory:
             """Stress-free length per angle."""
             tension = (pulls + mass) / (1.0 - mass / self.stiffness)
             stretch = 1.0 + tension / self.stiffness
-            sunk = self._depth(tension * stretch - mass, radii) - raised
+            sunk = depth_under(self.params, (tension * stretch - mass) / radii) - raised
             return np.asarray((radii - sunk) / stretch)
 
         sticking = (way.wraps - slip) * unstretched(first, self.radii, self.raised)

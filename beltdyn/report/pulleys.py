@@ -13,7 +13,7 @@ from ..couplings import OverrunningClutch
 from .rows import PulleyRow, Spread
 from .slipping import slip_rows
 from .touching import Touching
-from .window import OF_ARCS, Window
+from .window import OF_ARCS, Window, missing
 
 __all__ = ["pulley_rows", "spread"]
 
@@ -54,7 +54,7 @@ def pulley_rows(
         (("pulleys.load",), _hub_loads),
         (OF_ARCS, _arcs),
     ):
-        if all(run._has(name) for name in names):
+        if not missing(run, names):
             rows = [attrs.evolve(row, **of(window, k)) for k, row in enumerate(rows)]
     rows = [attrs.evolve(row, **_coupling(window, k)) for k, row in enumerate(rows)]
     if touching is not None:
@@ -144,6 +144,8 @@ def _arcs(window: Window, k: int) -> dict[str, Any]:
         wrap = float(way.wraps[k])
         length = wrap * params.pulleys[k].radius
         found = {"wrap": wrap, "links": length / float(params.info["link_length"])}
+        if params._belt_facts["flows"]:
+            found["links"] = float(np.count_nonzero(params._cells == k))
     elif k in params.mounted:
         return {}
     arcs = window.arcs

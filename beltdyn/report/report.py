@@ -64,8 +64,10 @@ class Report(Told):
             ``result.accuracy`` has it.
         tension_error: Error of the spans' mean tensions [1], as ``result.accuracy`` has it.
         creep_error: The same of creep, relative to the largest [1]; None without verification.
-        cycles: Load cycles of a joint, largest range first.
-        joint: That joint.
+        nodes: Of what the belt is: "links", "point masses", or "cells", which stand still.
+        cycles: Load cycles of a joint, largest range first; of an ALE belt those of the belt that
+            is in the middle of a cell at the end.
+        joint: That joint, or cell.
         cycles_begin: Since when they are counted [s]: a round of the belt before the end of the
             run, or the beginning of the window if that is earlier.
         rounds: Rounds that the belt makes from then on.

@@ -60,7 +60,7 @@ class PulleyRow:
             contact, which swing with every link that lands.
         hub_direction: Direction of the mean of that force, counter-clockwise from x [rad].
         wrap: Angle of the belt line on it, with mounts at their mean places [rad].
-        links: How many links long that is [1].
+        links: How many links long that is, or of how many cells it is [1].
         slip_arc: Part of it where friction is within 5 % of its limit, mean [rad].
         slip_error: Its error: a quarter of a link, and what links that land may have taken from it
             where the belt creeps back (``Arcs.returning``), to a factor of three [rad].
@@ -322,6 +322,7 @@ class Told:
     power_error: float | None
     tension_error: float | None
     creep_error: float | None
+    nodes: str
     cycles: tuple[Cycle, ...]
     joint: int
     cycles_begin: float

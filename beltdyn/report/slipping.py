@@ -99,7 +99,8 @@ class _Slipping:
         self.reached = friction_limits(window, touching)
         self.radii = np.array([pulley.radius for pulley in self.params.pulleys])
         # A shorter wrap is now and then without a link, and nothing holds its spans apart.
-        self.holds = wraps * self.radii >= self.params.info["link_length"]
+        least = 0.0 if self.params._belt_facts["flows"] else self.params.info["link_length"]
+        self.holds = wraps * self.radii >= least
         self.notes: list[str] = []
         width = touching.passing(window)
         self.tensions = window.smoothed(spans, width)

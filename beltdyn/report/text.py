@@ -30,6 +30,7 @@ from .rows import RESIDUAL, Power, PulleyRow, Spread, Told
 
 __all__ = [
     "Table",
+    "cells",
     "columns",
     "html",
     "lines",
@@ -179,11 +180,12 @@ def _loads(report: Told) -> Table:
         )
     if any(row.slip_arc is not None for row in report.pulleys):
         remarks += (
-            "A link slips with 95 % of full friction or more. One that creeps carries less while "
+            "Belt slips with 95 % of full friction or more. What creeps carries less while "
             "its friction builds up, so the arc is smaller than the part of friction in use. +-: "
             "what the mesh may put it off by, to a factor of three.",
         )
-    title = "Hub loads; wrap by the belt line; slip by the links in contact"
+    by = "cells" if cells(report) else "links in contact"
+    title = f"Hub loads; wrap by the belt line; slip by the {by}"
     return Table(title, heading, rows, remarks)
 
 
@@ -205,7 +207,8 @@ def _slip(report: Told) -> Table:
     ]
     remarks = [
         "Torque of the belt on the pulley. Torque, ratio, used, margin are of the means of the "
-        "window; range and worst are of single moments, averaged over the passing of a link. "
+        "window; range and worst are of single moments"
+        f"{'' if cells(report) else ', averaged over the passing of a link'}. "
         "Margin: factor by which all loads can grow before the pulley slips in full; own: its "
         f"load alone, {report.driver or 'what holds the belt'} making up for it, before any slips.",
     ]
@@ -238,6 +241,11 @@ def _slip(report: Told) -> Table:
         rows,
         tuple(remarks),
     )
+
+
+def cells(report: Told) -> bool:
+    """Whether the belt flows through cells: no links pass and none land."""
+    return any(row["flows"] for row in _core.BELTS if row["nodes"] == report.nodes)
 
 
 def note_on_mesh(report: Told) -> str:
@@ -322,7 +330,8 @@ def _spans(report: Told) -> Table:
             "? may be links that pass, an artefact of the mesh: this window cannot tell them from "
             "other lines."
         )
-    remarks.append("Ranges are of running means over the passing of a link.")
+    if not cells(report):
+        remarks.append("Ranges are of running means over the passing of a link.")
     known = [row for row in report.spans if row.of_run is not None]
     if known:
         most = max(known, key=lambda row: row.of_run.most if row.of_run else 0.0)
@@ -460,8 +469,13 @@ def _powers(report: Told) -> Table:
         error = report.efficiency_error or 0.0
         remarks += (
             f"Efficiency {within(100.0 * report.efficiency, 100.0 * error)} %: what is put in "
-            f"less what is lost. The error is some {number(100.0 * error, 2)} %: so much may be "
-            "lost by links as they land, in the contact's damping; more links tell.",
+            f"less what is lost. The error is some {number(100.0 * error, 2)} %"
+            + (
+                "."
+                if cells(report)
+                else ": so much may be lost by links as they land, in the contact's damping; more "
+                "links tell."
+            ),
         )
     return Table("Power: what is put in is the sum of all below", ("", "W", "%"), rows, remarks)
 
@@ -471,17 +485,18 @@ def _cycles(report: Told) -> Table:
     rows = [
         (within(one.range, off), within(one.mean, off), f"{one.count:g}") for one in report.cycles
     ]
-    title = (
-        f"Load cycles of joint {report.joint} by rainflow, t = {report.cycles_begin:.4g} to "
-        f"{report.end:.4g} s"
-    )
+    of = f"the belt in cell {report.joint}" if cells(report) else f"joint {report.joint}"
+    title = f"Load cycles of {of} by rainflow, t = {report.cycles_begin:.4g} to {report.end:.4g} s"
     if report.rounds is not None:
         many = f"{report.rounds:.3g}"
         title += f", {many} round{'' if many == '1' else 's'} of the belt"
     before = "the last link" if report.joint == 0 else f"link {report.joint - 1}"
     remarks = [
-        f"Joint {report.joint} is between {before} and link {report.joint}. In steady running any "
-        "joint of the belt goes through the same cycles in a round.",
+        f"That which is in the middle of cell {report.joint} at the end. In steady running any "
+        "part of the belt goes through the same cycles in a round."
+        if cells(report)
+        else f"Joint {report.joint} is between {before} and link {report.joint}. In steady running "
+        "any joint of the belt goes through the same cycles in a round.",
         f"Cycles are put into {CLASSES} classes by their range, of equal width from 0 to the "
         "largest; range and mean are averages over a class, halves are cycles that do not close.",
     ]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..arcs import contact_points
 from ..checks import Array
+from ..compliance import running_radius
 from ..gross_slip import GrossSlip, gross_slip
 from .window import Window, missing
 
@@ -27,6 +28,7 @@ NEEDED = (
     "belt.phi",
     "belt.vx",
     "belt.vy",
+    "belt.flow",
     "joints.deformation",
     "joints.force",
     "contact.pulley",
@@ -46,7 +48,7 @@ class Touching:
         y: The same.
         radius: Its distance from the axis [m].
         running: Radius of the arc that the polygon of links stands for there [m]: a joint stands
-            off it, the middle of a link of the paper's mesh within it.
+            off it, the middle of a link of the paper's mesh within it. Of cells the same.
         stretch: Length of the belt over its stress-free length there, lambda [1].
         tension: Force of the belt there [N].
         normal: Normal force [N].
@@ -78,8 +80,10 @@ class Touching:
         """Give the time over which histories are averaged to tell the drive from the mesh [s].
 
         That in which a link passes, or as many links as the samples need to have four of them; 0
-        where so few pass that no mean can tell them apart.
+        where so few pass that no mean can tell them apart, and of cells, which do not.
         """
+        if window.params._belt_facts["flows"]:
+            return 0.0
         speed = float(window.mean(np.abs(self.speeds)))
         length = float(window.params.info["link_length"])
         if not speed * window.lasts > PASSINGS * length:
@@ -105,24 +109,31 @@ def touching(window: Window) -> Touching | None:
     run, params = window.run, window.params
     if missing(run, NEEDED):
         return None
-    belt, l0 = run.belt, float(params.info["link_length"])
-    force, deformation = window.of(run.joints.force), window.of(run.joints.deformation)
-    facts = params._belt_facts
-    at = contact_points(params, belt, window.rows)
+    l0, facts = float(params.info["link_length"]), params._belt_facts
+    force, touched = window.of(run.joints.force), window.of(run.contact.pulley)
+    at = contact_points(params, run.belt, window.rows)
     x, y = at[..., 0], at[..., 1]
-    if not facts["at_joints"]:  # friction acts between the joints, or bars, on both sides
-        force = 0.5 * (force + np.roll(force, -1, axis=1))
-        deformation = 0.5 * (deformation + np.roll(deformation, -1, axis=1))
-    stretch = 1.0 + deformation / l0
-    touched = window.of(run.contact.pulley)
+    if facts["flows"]:
+        stretch = 1.0 + force / params.belt.axial_stiffness
+    else:
+        deformation = window.of(run.joints.deformation)
+        if not facts["at_joints"]:  # friction acts between the joints, or bars, on both sides
+            force = 0.5 * (force + np.roll(force, -1, axis=1))
+            deformation = 0.5 * (deformation + np.roll(deformation, -1, axis=1))
+        stretch = 1.0 + deformation / l0
     centers = window.centers
     rows = np.arange(x.shape[0])[:, None]
     axis = centers[rows, np.maximum(touched, 0)]
     dx, dy = x - axis[..., 0], y - axis[..., 1]
     radius = np.hypot(dx, dy)
-    chord = _chord(0.5 * l0 / radius, stretch, facts)
     normal, friction = window.of(run.contact.normal), window.of(run.contact.friction)
     speed, speeds = _speed(window, touched, stretch)
+    if facts["flows"]:
+        radii = np.array([pulley.radius for pulley in params.pulleys])[touched]
+        running = running_radius(params, radii, force, speeds[:, None])
+        dx, dy, radius, chord = dx * running / radius, dy * running / radius, running, np.ones(1)
+    else:
+        chord = _chord(0.5 * l0 / radius, stretch, facts)
     n_p = len(params.pulleys)
     sums = [np.sum(np.where(touched == k, friction * radius, 0.0), axis=1) for k in range(n_p)]
     gross = None
@@ -168,6 +179,9 @@ def _speed(window: Window, touched: NDArray[np.int32], stretch: Array) -> tuple[
     Their speed along themselves: what they have across is swing of the spans. Mean, and (n_w,).
     """
     belt = window.run.belt
+    if window.params._belt_facts["flows"]:
+        speeds = window.of(belt.flow)
+        return float(window.mean(speeds)), speeds
     vx, vy, phi = window.of(belt.vx), window.of(belt.vy), window.of(belt.phi)
     free = touched < 0
     if not free.any():

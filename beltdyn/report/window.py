@@ -22,6 +22,7 @@ from ..histories import (
     JointHistory,
     MountHistory,
 )
+from ..outputs import lacking
 from ..params import Params
 from ..route import Route, route_at
 from ..run_warnings import RunWarning
@@ -91,8 +92,9 @@ class Run(Sampled, Protocol):
 
 
 def missing(run: Run, names: Collection[str]) -> list[str]:
-    """Give those of some outputs that the run was not asked for."""
-    return [name for name in names if not run._has(name)]
+    """Give those of some outputs that the run was not asked for and its belt does not lack."""
+    lacks = lacking(run.params)
+    return [name for name in names if not run._has(name) and name not in lacks]
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -201,19 +203,17 @@ class Window:
     @functools.cached_property
     def arcs(self) -> Arcs:
         """Arcs of contact and slip at the samples (n_w, n_p)."""
+        lacks = lacking(self.params)
+        found: dict[str, dict[str, Any]] = {"belt": {}, "contact": {}}
+        for output in OF_ARCS:
+            if output not in lacks:
+                group, _, name = output.partition(".")
+                found[group][name] = self.of(getattr(getattr(self.run, group), name))
         belt, contact = (
-            {name: self.of(getattr(group, name)) for name in names}
-            for group, names in (
-                (self.run.belt, ("x", "y", "phi")),
-                (self.run.contact, ("pulley", "normal", "mu", "velocity")),
-            )
+            BeltHistory._holding(found["belt"]),
+            ContactHistory._holding(found["contact"]),
         )
-        return arcs_of(
-            self.params,
-            BeltHistory._holding(belt),
-            ContactHistory._holding(contact),
-            self.centers,
-        )
+        return arcs_of(self.params, belt, contact, self.centers)
 
     @property
     def lost_mounts(self) -> bool:

@@ -52,7 +52,7 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
             "by span=, pulley= and the like"
         )
     size, unit, _ = described()[output]
-    dimension = dimensions(size)[0]
+    dimension = next(iter(dimensions(size)), "belt")
     by = "pulley" if dimension == "coupling" else dimension
     given = {key: value for key, value in where.items() if value is not None}
     if set(given) - {by}:
@@ -62,7 +62,11 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
         raise ValueError(f"{output}: this drive has no {group}")
     values = np.asarray(getattr(held, name or output)[rows], dtype=float)
     names = _columns(result, dimension)
-    if values.ndim == 3:  # forces in x and y
+    if values.ndim == 1:  # of the belt as a whole
+        values = values[:, None]
+    elif size == "MODES":  # in the middle of the span
+        values = values @ np.sin(0.5 * np.pi * np.arange(1, 1 + values.shape[-1]))
+    elif values.ndim == 3:  # forces in x and y
         values = np.linalg.norm(values, axis=-1)
     if by in given:
         column = _column(result, by, given[by], names, result.params._having.get(size))
@@ -78,7 +82,11 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
             f"{output} of {names[column]} is NaN at {int(np.isnan(chosen).sum())} of "
             f"{chosen.size} samples: it has no spectrum; {by}= selects another"
         )
-    words = {"span_tension": "tension", "pulleys.load": "hub load"}.get(output, output)
+    words = {
+        "span_tension": "tension",
+        "pulleys.load": "hub load",
+        "spans.deflection": "deflection in the middle",
+    }.get(output, output)
     if " or " in unit:
         unit = KINDS[mount_kinds(result.params)[column]].unit(unit)
     return Signal(f"{words} of {names[column]}", unit, chosen)
@@ -86,6 +94,8 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
 
 def _columns(result: Result, dimension: str) -> list[str]:
     """Give what the columns of an output are called."""
+    if dimension == "belt":
+        return ["the belt"]
     if dimension == "span":
         pulleys, n = result.params.pulley_names, len(result.params.pulley_names)
         return ["span " + span_name(k, pulleys, unnamed=f"{k} to {(k + 1) % n}") for k in range(n)]

@@ -1,4 +1,4 @@
-"""What repeats itself in a drive, and so makes lines: pulleys, the belt, its links."""
+"""What repeats itself in a drive, and so makes lines: pulleys, the belt, links."""
 
 from __future__ import annotations
 
@@ -99,7 +99,8 @@ class Source:
 def belt_rate(result: Sampled, rows: Any = slice(None)) -> Array | None:
     """Give the belt passing frequency: revolutions of the belt per second, >= 0, (n_t,) [Hz].
 
-    The mean speed of the links over the present length of the belt. In steady running that is
+    The flow of an ALE belt over L. Else the mean speed of the links over the present length of the
+    belt. In steady running that is
     exactly the rate at which its stress-free length passes any place, over L: both numbers hold the
     same mean stretch. The length counts arcs for the chords between neighbouring links.
 
@@ -113,6 +114,8 @@ def belt_rate(result: Sampled, rows: Any = slice(None)) -> Array | None:
 def belt_turning(result: Sampled, rows: Any = slice(None)) -> Array | None:
     """Give :func:`belt_rate` with its sign, positive in the order of the links."""
     params = result.params
+    if result._has("belt.flow"):
+        return np.asarray(result.belt.flow[rows] / params.info["length"])
     if _has_links(result):
         belt = result.belt
         x, y, phi = belt.x[rows], belt.y[rows], belt.phi[rows]
@@ -151,9 +154,9 @@ def sources(result: Sampled, rows: Any = slice(None)) -> tuple[Source, ...]:
             found.append(one)
 
     belt = belt_turning(result, rows)
-    known = MEASURED if _has_links(result) else FROM_RIMS
-    if belt is not None:
-        add("link passing", "link", belt * result.params.belt.n_bodies, known)
+    known = MEASURED if _has_links(result) or result._has("belt.flow") else FROM_RIMS
+    if belt is not None and not result.params._belt_facts["flows"]:
+        add("link passing", "link", belt * result.params.n_bodies, known)
     if result._has("pulleys.omega"):
         turning = result.pulleys.omega[rows] / (2.0 * np.pi)
         for name, rate in zip(result.params.pulley_names, turning.T, strict=True):

@@ -217,7 +217,8 @@ class Spectrogram:
         limit: Half the rate of sampling [Hz].
         belt: Belt passing frequency in each slice (n_s,) [Hz], NaN if the run did not keep what it
             is found from.
-        n_bodies: Number of links, so many link passings to a revolution of the belt.
+        n_bodies: Number of links, so many link passings to a revolution of the belt; 0 of an ALE
+            belt, of which none pass.
     """
 
     label: str
@@ -334,5 +335,5 @@ def speed_spectra(
         resolution=1.5 / length,
         limit=0.5 / step,
         belt=np.full(t.size, np.nan) if belt is None else np.abs(means(belt)),
-        n_bodies=result.params.belt.n_bodies,
+        n_bodies=0 if result.params._belt_facts["flows"] else result.params.n_bodies,
     )

@@ -64,9 +64,14 @@ def _forces(
     params: Params, rate: Mapping[str, Any], core: Mapping[str, Any], held: tuple[int, ...]
 ) -> list[tuple[float, str]]:
     """Give the forces left over [N], each with what it acts on."""
-    links = float(params.info["link_mass"]) * np.hypot(rate["vx"], rate["vy"])
-    i = int(np.argmax(links))
-    out = [(float(links[i]), f"link {i}")]
+    if params._belt_facts["flows"]:
+        m = np.asarray(core["m"])
+        left = params.belt.linear_density * 0.5 * (m + np.roll(m, 1)) * abs(rate["v"])
+    else:
+        left = float(params.info["link_mass"]) * np.hypot(rate["vx"], rate["vy"])
+    worst = int(np.argmax(left))
+    what = "cell" if params._belt_facts["flows"] else "link"
+    out = [(float(left[worst]), f"{what} {worst}")]
     for k, pulley in enumerate(params.pulleys):
         if k not in held:
             force = abs(float(rate["omega"][k])) * pulley.shaft_inertia / pulley.radius

@@ -12,7 +12,8 @@ A running belt carries its links along: J is taken as they stand at one moment, 
 move with the links. In places fixed in space, which a steady belt passes with a links per second, a
 small motion eta of the link at a place changes as d eta/dt = J eta - a D eta, D the derivative by
 the number of the link (fourth order, of friction states second order against the belt's run, for
-these begin anew where a link arrives). Pulleys and mounts stay in their places.
+these begin anew where a link arrives). Pulleys and mounts stay in their places, as do the cells of
+an ALE belt, of which a is 0 and J is all.
 """
 
 from __future__ import annotations
@@ -30,13 +31,21 @@ from ..optional import scipy_module
 from ..params import Params
 from ..state import State
 
-__all__ = ["LINK_FIELDS", "Complex", "Linear", "linearise", "passing_of", "scipy_sparse"]
+__all__ = [
+    "LINK_FIELDS",
+    "Complex",
+    "Linear",
+    "linearise",
+    "passing_of",
+    "scipy_sparse",
+    "speed_of",
+]
 
 Complex = NDArray[np.complex128]
 
 #: Slower than this share of the rate at which the slowest wave passes links, the belt is at rest.
 CRAWL = 1e-6
-_SPEEDS = ["vx", "vy", "vphi", "omega", "travel_speed", "rim_speed"]
+_SPEEDS = ["vx", "vy", "vphi", "v", "p", "omega", "travel_speed", "rim_speed"]
 #: Of which each link, or each state of friction of a link, has one.
 LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
 _SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
@@ -64,7 +73,8 @@ class Linear:
         index: Its place in that field (n,).
         unit: Size of each unknown that goes with a motion of the belt by 1 m; of velocities the
             same a second.
-        passing: Links that pass a place per second, a; 0 at rest [1/s].
+        passing: Links that pass a place per second, a; 0 at rest, and of cells [1/s].
+        speed: Of the belt along its numbering [m/s], 0 at rest.
         prescribed: Pulleys whose motion is prescribed, and paths of mounts are.
         given: Columns of J of prescribed speeds, for what drives the rest: sparse (n, n_p), of
             theta and of omega.
@@ -81,6 +91,7 @@ class Linear:
     index: NDArray[np.intp]
     unit: Array
     passing: float
+    speed: float
     prescribed: tuple[int, ...]
     given: tuple[Any, Any]
     phase: NDArray[np.intp] | None = None
@@ -177,6 +188,7 @@ def linearise(
         index=index[inner],
         unit=unit[inner],
         passing=passing,
+        speed=speed_of(params, core) if places else 0.0,
         prescribed=prescribed,
         given=(given[0], given[1]),
         torque_slopes=torque_slopes,
@@ -233,8 +245,19 @@ def _of_torques(params: Params, names: Any, slopes: tuple[Array, Array], sparse:
     return out.tocsc()
 
 
+def speed_of(params: Params, core: Mapping[str, Any]) -> float:
+    """Speed of the belt in the sense of its numbering [m/s], 0 if it crawls."""
+    if not params._belt_facts["flows"]:
+        return passing_of(params, core) * float(params.info["link_length"])
+    speed = float(np.mean(core["v"]))
+    wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
+    return speed if abs(speed) > CRAWL * wave else 0.0
+
+
 def passing_of(params: Params, core: Mapping[str, Any]) -> float:
-    """Links that pass a place per second, in the sense of their numbering."""
+    """Links that pass a place per second, in the sense of their numbering; no cells do."""
+    if params._belt_facts["flows"]:
+        return 0.0
     dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
     along = (core["vx"] * dx + core["vy"] * dy) / (dx * dx + dy * dy) * 2.0
     passing = float(np.mean(along))
@@ -247,7 +270,7 @@ def _derivative(
     params: Params, names: Any, index: Any, keep: Any, passing: float, sparse: Any
 ) -> Any:
     """D of the text at the head."""
-    n = params.belt.n_bodies
+    n = params.n_bodies
     central = {-2: 1.0 / 12.0, -1: -2.0 / 3.0, 1: 2.0 / 3.0, 2: -1.0 / 12.0}
     behind = {0: 1.5, -1: -2.0, -2: 0.5}
     against = behind if passing > 0.0 else {-k: -v for k, v in behind.items()}

@@ -125,6 +125,7 @@ def linearise_over(
         index=index,
         unit=np.concatenate([part.unit for part in parts]),
         passing=passing,
+        speed=passing * float(params.info["link_length"]),
         prescribed=prescribed,
         given=tuple(
             sparse.vstack([part.given[k] for part in parts], format="csc") for k in range(2)
@@ -138,7 +139,7 @@ def linearise_over(
 def _derivative(
     params: Params, names: Any, index: Any, phase: Any, phases: int, onward: bool, sparse: Any
 ) -> Any:
-    n, sense = params.belt.n_bodies, 1 if onward else -1
+    n, sense = params.n_bodies, 1 if onward else -1
     keys = list(zip(names.tolist(), index.tolist(), phase.tolist(), strict=True))
     where = {key: row for row, key in enumerate(keys)}
     rows, columns, values = [], [], []

@@ -32,9 +32,11 @@ class Shapes:
     Attributes:
         x: Of the links (n, n_b) [m].
         y: The same.
-        phi: Turning of the links (n, n_b) [rad]; 0 of a string.
+        phi: Turning of the links (n, n_b) [rad]; 0 of a string, none (n, 0) of an ALE belt.
         theta: Turning of the pulleys (n, n_p) [rad].
         travel: Travels of the mounts (n, n_m) [rad or m].
+        deflection: Of the sine modes of an ALE belt's spans (n, n_p, K) [m], K = 0 of links; x and
+            y are then those of the belt where its cells begin.
     """
 
     x: Complex
@@ -42,6 +44,7 @@ class Shapes:
     phi: Complex
     theta: Complex
     travel: Complex
+    deflection: Complex
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -145,7 +148,7 @@ class Modes:
                 f"{percent(self.mesh_error.max())} for the phase of the mesh, which "
                 "phases=12 averages out"
             )
-        elif self.phases == 1 and self.mesh_error.size:
+        elif self.phases == 1 and self.mesh_error.any():
             most = percent(self.mesh_error.max())
             rows.append(f"  the phase of the mesh changes frequencies by {most} at most")
         for rate, name in list(zip(self.decay, self.decay_names, strict=True))[:STILL]:

@@ -73,7 +73,8 @@ def modes(
     Of a running belt, which goes through all phases, Floquet's problem is solved over that many:
     each mode is then the one that is the same for all. 6 give its frequency to half a percent.
     Damping converges more slowly: 160 links on pulleys of 50 and 80 mm have a mode at 47.6, 47.7,
-    47.9, 47.8 Hz that decays by 14.6, 14.3, 11.5, 12.3 1/s with 3, 6, 9, 12 phases.
+    47.9, 47.8 Hz that decays by 14.6, 14.3, 11.5, 12.3 1/s with 3, 6, 9, 12 phases. The cells of an
+    ALE belt stand still: their mesh has one phase alone, and nothing to average.
 
     Args:
         params: The drive.
@@ -85,7 +86,8 @@ def modes(
         motion: Pulleys whose motion is prescribed, by index or name, as of
             :func:`beltdyn.simulate`: ``{"crank": 0.0}`` holds it. Only the names count, for a small
             motion of the rest leaves what is prescribed as it is.
-        phases: Phases of the mesh, evenly over the passing of a link; 1: that of the state.
+        phases: Phases of the mesh, evenly over the passing of a link; 1: that of the state. Of an
+            ALE belt there is one.
         count: Whether to count the eigenvalues of the band, which finds none, and to compare, at
             several times the work of the search; of several phases at rest those of the first.
 
@@ -101,16 +103,19 @@ def modes(
     """
     n, phases, count = integer("n", n, 1), integer("phases", phases, 1), flag("count", count)
     check_drive(params, state)
-    if n > params.belt.n_bodies:
+    if params._belt_facts["flows"]:
+        phases = 1
+    if n > params.n_bodies:
+        nodes = params._belt_facts["nodes"]
         raise ValueError(
-            f"n must be at most {params.belt.n_bodies}, the number of links, got {n}: modes beyond "
-            "have waves shorter than two links, which the mesh makes and no belt; more links have "
-            "more modes"
+            f"n must be at most {params.n_bodies}, the number of {nodes}, got {n}: modes beyond "
+            f"have waves shorter than two {nodes}, which the mesh makes and no belt; more {nodes} "
+            "have more modes"
         )
     least = None if damping is None else positive("damping", damping)
     linear = linear_drive(params, state, torque, motion, phases=phases)
     where = parts.sections(linear)
-    most = (1.0 if linear.passing == 0.0 else DAMPED) if least is None else least
+    most = (1.0 if linear.speed == 0.0 else DAMPED) if least is None else least
     found, still, band, turning, left_out = _lowest(linear, n, most, count)
     grows, away, complete = growing(linear, band, found)
     turning = away if turning is None else turning
@@ -135,9 +140,7 @@ def modes(
         frequency=values.imag / (2.0 * np.pi),
         damping=-values.real / abs(values),
         eigenvalue=values,
-        shapes=Shapes(
-            **{name: linear.field(scaled, name).T for name in ("x", "y", "phi", "theta", "travel")}
-        ),
+        shapes=_shapes(linear, scaled, values),
         names=parts.names(linear, found[1], where, shares),
         participation=shares,
         residual=left,
@@ -148,7 +151,7 @@ def modes(
         turning=turning,
         left_out=left_out,
         band=(band[0] / (2.0 * np.pi), min(highest, band[1]) / (2.0 * np.pi)),
-        speed=linear.passing * float(params.info["link_length"]),
+        speed=linear.speed,
         prescribed=tuple(params.pulley_names[k] for k in linear.prescribed),
         mesh_error=_mesh_error(linear, found, state),
         phases=phases,
@@ -301,16 +304,26 @@ def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
     """
     params = linear.params
     turned = abs(linear.field(found[1], "theta")) ** 2
+    if params._belt_facts["flows"]:
+        return np.zeros(turned.shape[1])
     one = state.tension(params).mean * float(params.info["link_length"]) / np.sqrt(12.0) * turned
     stiffness = np.sum(abs(parts.weighted(linear, found[1])) ** 2, axis=0)
     return np.asarray(np.sqrt(2.0 * np.sum(one**2, axis=0)) / (2.0 * stiffness))
+
+
+def _shapes(linear: Linear, scaled: Complex, values: Complex) -> Shapes:
+    found = {name: linear.field(scaled, name).T for name in ("phi", "theta", "travel")}
+    x, y = parts.moves(linear, scaled, values)
+    n_p = len(linear.params.pulleys)
+    deflection = linear.field(scaled, "a").T.reshape(len(values), n_p, -1)
+    return Shapes(x=x.T, y=y.T, deflection=deflection, **found)
 
 
 def _scaled(linear: Linear, found: Found) -> Complex:
     """Vectors of which the largest displacement is 1 m."""
     vectors = found[1]
     size = linear.norms(1.0)
-    place = np.isin(linear.names, ["x", "y", "theta", "travel"])
+    place = np.isin(linear.names, ["x", "y", "a", "theta", "travel"])
     moved = np.where(place[:, None], vectors / size[:, None], 0.0)
     largest = moved[np.argmax(abs(moved), axis=0), np.arange(vectors.shape[1])]
     return np.asarray(vectors / largest)

@@ -27,6 +27,7 @@ from .linear import Complex, Linear
 __all__ = [
     "Participation",
     "Sections",
+    "moves",
     "participation",
     "same_modes",
     "sections",
@@ -72,7 +73,8 @@ class Sections:
 def sections(linear: Linear) -> Sections:
     """Find which links are free, and in which span."""
     params = linear.params
-    touched = params._model.observe(linear.state)["pulley"][0]
+    flows = params._belt_facts["flows"]
+    touched = params._cells if flows else params._model.observe(linear.state)["pulley"][0]
     centers = params.centers(linear.state["travel"]) if params.mounted else params.centers()
     way = route_at(params.pulleys, np.asarray(centers))
     along = np.roll(way.arrive, -1, axis=0) - way.leave
@@ -84,25 +86,15 @@ def sections(linear: Linear) -> Sections:
         for k in range(first, first + touched.size):
             i = k % touched.size
             last = int(touched[i]) if touched[i] >= 0 else last
-            free = touched[i] < 0 and touched[(i + 1) % touched.size] < 0
+            free = touched[i] < 0 and (flows or touched[(i + 1) % touched.size] < 0)
             span[i] = last if free else -1
     return Sections(span=span, along=along)
 
 
 def participation(linear: Linear, vectors: Complex, where: Sections) -> Participation:
     """Split the kinetic energies of modes (size, n)."""
-    params, info = linear.params, linear.params.info
-    mass, turning = float(info["link_mass"]), float(info["link_inertia"])
-    vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
-    whole = mass * (abs(vx) ** 2 + abs(vy) ** 2)
-    if has_angles(params):
-        whole += turning * abs(linear.field(vectors, "vphi")) ** 2
-    n_p, n = len(params.pulleys), vectors.shape[1]
-    across = np.zeros((n, n_p))
-    for k in range(n_p):
-        free = where.span == k
-        normal = where.along[k, 0] * vy[free] - where.along[k, 1] * vx[free]
-        across[:, k] = mass * np.sum(abs(normal) ** 2, axis=0)
+    params = linear.params
+    along, across = _of_belt(linear, vectors, where)
     inertia = params.shaft_inertias
     turns = (inertia[:, None] * abs(linear.field(vectors, "omega")) ** 2).T
     beyond = params.coupled_inertias[:, None]
@@ -111,7 +103,7 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
         turns[:, k] += rims[:, c]
     weight = np.array([one["inertia"] for one in params._model.mounts]).reshape(-1, 1)
     moved = (weight * abs(linear.field(vectors, "travel_speed")) ** 2).T
-    belt = whole.sum(axis=0) - across.sum(axis=1)
+    belt = along - across.sum(axis=1)
     total = belt + across.sum(axis=1) + turns.sum(axis=1) + moved.sum(axis=1)
     return Participation(
         spans=across / total[:, None],
@@ -119,6 +111,59 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
         mounts=moved / total[:, None],
         belt=belt / total,
     )
+
+
+def _of_belt(linear: Linear, vectors: Complex, where: Sections) -> tuple[Array, Array]:
+    """Give twice the kinetic energies of the belt (n,), and of it across its spans (n, n_p)."""
+    params, info = linear.params, linear.params.info
+    n_p, n = len(params.pulleys), vectors.shape[1]
+    if params._belt_facts["flows"]:
+        weights = _of_cells(linear)
+        along = (weights["v"] * abs(linear.field(vectors, "v")) ** 2).sum(axis=0)
+        modes = weights["p"] * abs(linear.field(vectors, "p")) ** 2
+        across = modes.reshape(n_p, -1, n).sum(axis=1).T
+        return along + across.sum(axis=1), across
+    mass, turning = float(info["link_mass"]), float(info["link_inertia"])
+    vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
+    whole = mass * (abs(vx) ** 2 + abs(vy) ** 2)
+    if has_angles(params):
+        whole += turning * abs(linear.field(vectors, "vphi")) ** 2
+    across = np.zeros((n, n_p))
+    for k in range(n_p):
+        free = where.span == k
+        normal = where.along[k, 0] * vy[free] - where.along[k, 1] * vx[free]
+        across[:, k] = mass * np.sum(abs(normal) ** 2, axis=0)
+    return whole.sum(axis=0), across
+
+
+def _of_cells(linear: Linear) -> dict[str, Array]:
+    """Masses that move with nodes (n_b, 1), and with sine modes (n_p K, 1) [kg]."""
+    params, m = linear.params, np.asarray(linear.state["m"])
+    density, each = params.belt.linear_density, np.size(linear.state["p"]) // len(params.pulleys)
+    nodes, spans = 0.5 * (m + np.roll(m, 1)), np.repeat(0.5 * m[params._cells < 0], each)
+    return {"v": density * nodes[:, None], "p": density * spans[:, None]}
+
+
+def moves(linear: Linear, vectors: Complex, rates: Any) -> tuple[Complex, Complex]:
+    """Give how far links, or the belt where cells begin, move in x and y (n_b, n) [m].
+
+    Belt that flows moves by its velocity over the rate [1/s] along itself, as if at rest, and with
+    the axes of the pulleys across.
+    """
+    params = linear.params
+    if not params._belt_facts["flows"]:
+        return linear.field(vectors, "x"), linear.field(vectors, "y")
+    seen, cells = params._model.observe(linear.state), params._cells
+    on = np.where(cells < 0, np.roll(cells, 1), cells)  # a span begins where a wrap ends
+    arm = np.column_stack([seen["x"][0], seen["y"][0]]) - params.centers(linear.state["travel"])[on]
+    arm /= np.hypot(*arm.T)[:, None]
+    along = params.route.senses[on, None] * np.column_stack([-arm[:, 1], arm[:, 0]])
+    move = np.asarray(along[..., None] * (linear.field(vectors, "v") / rates)[:, None])
+    travel, centers = linear.field(vectors, "travel"), params.centers(linear.state["travel"])
+    for m, k, mount in params._moving:
+        across = arm * (arm @ mount._direction(centers[k]))[:, None]
+        move += np.where((on == k)[:, None], across, 0.0)[..., None] * travel[m]
+    return move[:, 0], move[:, 1]
 
 
 def weighted(linear: Linear, vectors: Complex) -> Complex:
@@ -135,6 +180,8 @@ def weighted(linear: Linear, vectors: Complex) -> Complex:
         "rim_speed": params.coupled_inertias[:, None],
         "travel_speed": carried[:, None],
     }
+    if params._belt_facts["flows"]:
+        weights |= _of_cells(linear)
     return np.concatenate(
         [np.sqrt(weight) * linear.field(vectors, name) for name, weight in weights.items()]
     )
@@ -190,6 +237,9 @@ def _span(between: str) -> str:
 
 
 def _order(linear: Linear, vector: Complex, where: Sections, span: int) -> str:
+    if linear.params._belt_facts["flows"]:
+        shape = linear.field(vector, "a")[:, 0].reshape(len(where.along), -1)[span]
+        return _lateral(1 + int(np.argmax(abs(shape))))
     free = np.flatnonzero(where.span == span)
     order = np.argsort((free - _first(free, where.span.size)) % where.span.size)
     free = free[order]
@@ -197,7 +247,10 @@ def _order(linear: Linear, vector: Complex, where: Sections, span: int) -> str:
     across = where.along[span, 0] * y - where.along[span, 1] * x
     real = (across * np.exp(-0.5j * np.angle(np.sum(across**2)))).real
     real = real[abs(real) > NODE * abs(real).max()]
-    n = 1 + int(np.count_nonzero(np.diff(np.sign(real))))
+    return _lateral(1 + int(np.count_nonzero(np.diff(np.sign(real)))))
+
+
+def _lateral(n: int) -> str:
     return f"{_ORDINALS.get(n, f'{n}th')} lateral"
 
 

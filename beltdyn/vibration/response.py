@@ -20,6 +20,7 @@ from ..state import State
 from ..torques import TorqueLike
 from .linear import Complex, Linear, scipy_sparse
 from .modes import check_drive, linear_drive
+from .participation import moves
 from .turning import mesh_stiffness
 
 __all__ = ["FrequencyResponse", "frequency_response"]
@@ -40,7 +41,8 @@ class FrequencyResponse:
             joint is free.
         joint_force: Force in the joint on the left of each link (n_f, n_b) [N].
         travel: Travels of the mounts (n_f, n_m) [rad or m].
-        x: Of the links (n_f, n_b) [m]; of a running belt at places fixed in space.
+        x: Of the links (n_f, n_b) [m]; of a running belt at places fixed in space, of an ALE belt
+            where its cells begin.
         y: The same.
         torque: Amplitudes of the torques that excite (n_p,) [N m].
         motion: Amplitudes of the motions that excite (n_p,) [rad].
@@ -142,12 +144,14 @@ def frequency_response(
     torques, motions = np.zeros(n_p, complex), np.zeros(n_p, complex)
     torques[list(moments)] = list(moments.values())
     motions[list(moved)] = list(moved.values())
-    mesh = None if linear.prescribed or linear.parts else mesh_stiffness(linear)
+    free = linear.prescribed or linear.parts or params._belt_facts["flows"]
+    mesh = None if free else mesh_stiffness(linear)
     resisted = _mesh_turning(mesh, at)
     vectors, left = _solve(linear, 2.0 * np.pi * at, torques, motions, mesh)
     theta = linear.field(vectors, "theta").T + motions
     omega = linear.field(vectors, "omega").T
     omega = omega + 2j * np.pi * at[:, None] * motions
+    moved_x, moved_y = moves(linear, vectors, 2j * np.pi * at)
     forces, tensions = [], []
     for k, part in enumerate(linear.parts or (linear,)):
         at_phase = linear.at_phase(vectors, k)
@@ -162,8 +166,8 @@ def frequency_response(
         span_tension=np.mean(tensions, axis=0),
         joint_force=np.mean(forces, axis=0),
         travel=linear.field(vectors, "travel").T,
-        x=linear.field(vectors, "x").T,
-        y=linear.field(vectors, "y").T,
+        x=moved_x.T,
+        y=moved_y.T,
         torque=torques,
         motion=motions,
         residual=left,
@@ -248,7 +252,7 @@ def _forces(linear: Linear, vectors: Complex, theta: Complex, omega: Complex) ->
     """Give the forces in the joints (n_f, n_b), linear in the motion: by central differences."""
     model = linear.params._model
     size = linear.norms(1.0)
-    place = np.isin(linear.names, ["x", "y", "theta", "travel"])
+    place = np.isin(linear.names, ["x", "y", "m", "a", "theta", "travel"])
     out = []
     for f in range(vectors.shape[1]):
         largest = np.abs(vectors[place, f] / size[place]).max()

@@ -1,7 +1,8 @@
 """The whole drive turning: belt along itself, rims with it, axes at rest.
 
 Where no torque depends on angles nothing resists that, so its frequency is 0. A belt of links makes
-of it what its polygon on the pulleys resists, which is no property of the drive.
+of it what its polygon on the pulleys resists, which is no property of the drive; one that flows
+through cells resists nothing.
 """
 
 from __future__ import annotations
@@ -25,19 +26,26 @@ SLOW, LOSSY = 1e-4, 0.1
 def rigid_turning(linear: Linear) -> Array:
     """Give the unknowns (size,) as the drive turns with the belt at 1 m/s, displaced by 1 m."""
     core, params = linear.state, linear.params
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    way = {"theta": params.route.senses / radii}
+    way["rim_speed"] = way["theta"][list(params.coupled)]
+    way["omega"] = way["theta"]
+    if params._belt_facts["flows"]:
+        return _filled(linear, way | {"v": np.ones(np.size(core["v"]))})
     dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
     chord = np.hypot(dx, dy)
     bend = np.roll(core["phi"], -1) - np.roll(core["phi"], 1)
     bend = (bend + np.pi) % (2.0 * np.pi) - np.pi
-    radii = np.array([pulley.radius for pulley in params.pulleys])
-    way = {
+    way |= {
         "x": dx / chord,
         "y": dy / chord,
         "phi": bend / (2.0 * float(params.info["link_length"])),
-        "theta": params.route.senses / radii,
     }
-    way["rim_speed"] = way["theta"][list(params.coupled)]
-    way |= {"vx": way["x"], "vy": way["y"], "vphi": way["phi"], "omega": way["theta"]}
+    return _filled(linear, way | {f"v{name}": way[name] for name in ("x", "y", "phi")})
+
+
+def _filled(linear: Linear, way: dict[str, Array]) -> Array:
+    """Give a vector (size,) from values of fields."""
     out = np.zeros(linear.size)
     for name, values in way.items():
         rows = linear.rows(name)
@@ -71,7 +79,7 @@ def turning_of(linear: Linear, values: Complex, vectors: Complex) -> int | None:
     It is the one that has most of the turning, at least 0.9 of its energy; none where a pulley's
     motion is prescribed, and none where set torques make more than half of its stiffness.
     """
-    if linear.prescribed or not values.size:
+    if linear.prescribed or not values.size or linear.params._belt_facts["flows"]:
         return None
     share = rigid_share(linear, vectors)
     k = int(np.argmax(share))

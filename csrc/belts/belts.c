@@ -24,6 +24,13 @@ int bd_model_belt(const bd_model *model) {
   return row;
 }
 
+int bd_model_cells(const bd_model *model, int32_t *pulley, double *share) {
+  if (model->belt_model->cells) {
+    model->belt_model->cells(model, pulley, share);
+  }
+  return model->belt_model->cells != NULL;
+}
+
 static int resists_bending(const bd_belt *belt) {
   return belt->bending_stiffness > 0.0 || belt->bending_damping > 0.0;
 }

@@ -403,6 +403,24 @@ static PyObject *model_rest(PyObject *object, void *Py_UNUSED(closure)) {
   return (PyObject *)travel;
 }
 
+/* The pulley of each cell, or with a closure its share of the wrap. */
+static PyObject *model_cells(PyObject *object, void *closure) {
+  bd_core_model *self = (bd_core_model *)object;
+  const npy_intp cells = self->info.n_bodies;
+  PyArrayObject *pulley = (PyArrayObject *)PyArray_SimpleNew(1, &cells, NPY_INT32);
+  PyArrayObject *share = pulley ? (PyArrayObject *)PyArray_SimpleNew(1, &cells, NPY_DOUBLE) : NULL;
+  PyObject *found = NULL;
+  if (share && bd_model_cells(self->model, PyArray_DATA(pulley), PyArray_DATA(share))) {
+    found = (PyObject *)(closure ? share : pulley);
+  } else if (share) {
+    found = Py_None;
+  }
+  Py_XINCREF(found);
+  Py_XDECREF(pulley);
+  Py_XDECREF(share);
+  return found;
+}
+
 #define X(name, text) BD_CORE_SET_VALUE(dict, numbers, name)
 #define NUMBERS_OF(part, TABLE)                                                                    \
   static PyObject *model_##part##s(PyObject *object, void *Py_UNUSED(closure)) {                   \
@@ -432,6 +450,11 @@ static PyGetSetDef model_properties[] = {
     {"rest", model_rest, NULL, "Travels of the mounts (n_m,) in equilibrium with the belt.", NULL},
     {"sizes", model_sizes, NULL,
      "How many values fields and outputs of each size have; of PLANE vectors.", NULL},
+    {"cells", model_cells, NULL,
+     "The pulley of each cell (n_bodies,), -1 in spans; None: it is a belt of nodes.", NULL},
+    {"cell_shares", model_cells, NULL,
+     "The share of the wrap that is behind where each cell begins (n_bodies,); or None.",
+     (void *)"share"},
     {"mounts", model_mounts, NULL, "Numbers of each mount as they act, given or chosen, a dict.",
      NULL},
     {"couplings", model_couplings, NULL, "The same of each coupling.", NULL},

@@ -190,6 +190,8 @@ struct bd_belt_model {
   /* Nodes along the belt line, node 0 `shift` past its place [m]: where settling begins. */
   void (*lay)(const bd_model *model, const bd_route *line, double shift, double *x, double *y,
               double *phi);
+  /* bd_model_cells; NULL: the belt is of nodes. */
+  void (*cells)(const bd_model *model, int32_t *pulley, double *share);
   /* Velocities of a belt that runs along itself at a speed in its spans. */
   void (*set_going)(const bd_plan *plan, double *y, double speed);
   /* At rest, or running along itself at a speed in its spans; NULL: settling relaxes it. */
