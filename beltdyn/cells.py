@@ -6,7 +6,7 @@ Every limit below stands with the argument for it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -14,10 +14,16 @@ from numpy.typing import NDArray
 
 from . import _core, compliance
 from .checks import Array
+from .parts import Pulley
 from .rounding import percent
+from .route import Route
 from .run_warnings import RunWarning
 
-__all__ = ["Drive", "describe", "errors", "finer", "limits", "reach"]
+__all__ = ["Drive", "chosen", "describe", "errors", "finer", "limits", "reach"]
+
+#: Length of a cell on a pulley, and cells on half a turn of the largest one, from which on they are
+#: longer: a sixth of the half wave of a torsional vibration of 500 Hz, and creep right to 0.02 %.
+CELL, HALF_TURN = 0.0125, 30
 
 #: Error of the tensions beside a pulley, over what it takes from one to the other, times the square
 #: of the cells on half a turn: against creep theory 0.2, 0.2, 0.2, 0.2 with 10, 20, 40, 80 cells.
@@ -37,6 +43,13 @@ class Drive(compliance.Drive, Protocol):
     def _model(self) -> _core.Model: ...
     @property
     def _cells(self) -> NDArray[np.int32]: ...
+
+
+def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
+    """Give how many cells to ask for where that is left open."""
+    radii = np.array([pulley.radius for pulley in pulleys])
+    length = max(CELL, math.pi * float(radii.max()) / HALF_TURN)
+    return 2 * len(pulleys) + math.ceil(float(line.wraps @ radii) / length)
 
 
 def _on_arcs(params: Drive) -> Array:

@@ -19,6 +19,7 @@ from .checks import Array
 
 __all__ = [
     "GROUPS",
+    "ROWS",
     "BeltHistory",
     "ContactHistory",
     "CouplingHistory",
@@ -95,7 +96,7 @@ def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
 
 def absent(output: str, before: str = "") -> str:
     """Say which meshes have belts without an output, such as "contact.slip"; nothing: none."""
-    sizes = {f"{group}.{name}": size for name, group, size, *_ in _core.OUTPUTS}
+    sizes = {f"{group}.{name}": size for group, name, size in ROWS}
     without = dict.fromkeys(
         f'"{row["mesh"]}"' for row in _core.BELTS if sizes.get(output) in row["lacks"]
     )
@@ -140,7 +141,7 @@ class BeltHistory(Group):
         vphi: Angular velocity [rad/s].
         flow: Of an ALE belt alone, as ``passed``, (n_t,): stress-free length that flows out of the
             wrap of pulley 0 in a second [m/s], positive in the order of the cells.
-        passed: Its integral since the start [m], by which a mark on the belt is followed.
+        passed: Its integral since the first sample [m], by which a mark on the belt is followed.
 
     Of an ALE belt places and velocities are those of the belt where each cell begins, on pulleys
     and at the ends of spans, and there are no angles.
@@ -442,15 +443,16 @@ GROUPS: dict[str, type[Group]] = {
 
 
 #: Group, name and size of every history but the ledger's.
-_ROWS = (
+ROWS = (
     *((group, name, size) for name, group, size, *_ in _core.OUTPUTS if group != "energy"),
     ("contact", "pulley", "CONTACT"),
+    ("belt", "passed", "FLOW"),
 )
 
 
 def absent_groups(params: Any) -> set[str]:
     """Give the groups that a drive does not have."""
-    return {group for group, _, size in _ROWS if params._having.get(size) == ()}
+    return {group for group, _, size in ROWS if params._having.get(size) == ()}
 
 
 def shape_of(size: str, params: Any) -> tuple[int, ...]:
@@ -461,6 +463,18 @@ def shape_of(size: str, params: Any) -> tuple[int, ...]:
     if size == "MODES":
         return n_p, count // n_p
     return (count or params.n_bodies, *((2,) if size == "PLANE" else ()))  # zeros: no friction
+
+
+def _passed(t: Array, flow: Array, theta: Array | None, omega: Array) -> Array:
+    """Integrate the flow (n_t,) over time, from 0 at the first sample.
+
+    What goes with pulley 0 by its angle, which is known, the rest, creep, by the trapezoidal rule.
+    """
+    square = float(omega @ omega)
+    ratio = float(flow @ omega) / square if theta is not None and square > 0.0 else 0.0
+    rest = flow - ratio * omega
+    gone = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (rest[1:] + rest[:-1]))])[: t.size]
+    return gone if theta is None else gone + ratio * (theta - theta[:1])
 
 
 def histories(
@@ -487,8 +501,13 @@ def histories(
             other way round.
     """
     left_out, lacks = absent_groups(params), params._belt_facts["lacks"]
-    columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in _ROWS}
-    for group, name, size in _ROWS:
+    columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in ROWS}
+    if "flow" in arrays:
+        theta = arrays["theta"][:, 0] if "theta" in arrays else None
+        with np.errstate(all="ignore"):  # a failed run may end with huge numbers
+            passed = _passed(t, arrays["flow"].reshape(t.size), theta, arrays["omega"][:, 0])
+        arrays = {**arrays, "passed": passed}
+    for group, name, size in ROWS:
         asked = names is None or f"{group}.{name}" in names
         if not asked or group in left_out or size in lacks:
             continue

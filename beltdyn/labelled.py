@@ -44,6 +44,7 @@ _DIMENSIONS = {
 #: What is not in the tables of the core.
 _TEXTS = {
     "contact.pulley": "index of the pulley that a link touches, -1: none",
+    "belt.passed": "stress-free belt that has passed pulley 0 since the first sample",
     "energy.passed": "energy transmitted so far, the scale of the residual",
     SPANS: "mean joint force of the free span that follows each pulley",
     "time": "time",
@@ -95,6 +96,7 @@ def described() -> dict[str, tuple[str, str, str]]:
     found |= {f"{LEDGER}.{name}": ("", "J", text) for name, _, text in _core.ENERGY_TERMS}
     for name in EnergyLedger.array_names():
         found.setdefault(f"{LEDGER}.{name}", ("", "J", _TEXTS.get(f"{LEDGER}.{name}", name)))
+    found["belt.passed"] = ("FLOW", "m", _TEXTS["belt.passed"])
     found["contact.pulley"] = ("CONTACT", _UNITS["contact.pulley"], _TEXTS["contact.pulley"])
     found[SPANS] = ("SPANS", _UNITS[SPANS], _TEXTS[SPANS])
     return found

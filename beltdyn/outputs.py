@@ -12,7 +12,7 @@ from collections.abc import Collection
 from typing import Any
 
 from . import _core
-from .histories import GROUPS, absent
+from .histories import GROUPS, ROWS, absent
 
 __all__ = [
     "EVERY_RUN",
@@ -29,6 +29,8 @@ __all__ = [
 
 #: Computed from joints and contact, and the ledger, which is one output; the rest are arrays.
 SPANS, LEDGER = "span_tension", "energy"
+#: An integral of an output.
+PASSED = "passed"
 #: What the core is asked for in any case, 2 n_p + 1 numbers a sample.
 EVERY_RUN = ("omega", "torque", "across")
 
@@ -96,7 +98,7 @@ def chosen(outputs: object, ledger: bool, lacks: Collection[str] = ()) -> tuple[
 def lacking(params: Any) -> frozenset[str]:
     """Give the outputs, as "contact.slip", that the belt of a drive has none of."""
     sizes = params._belt_facts["lacks"]
-    return frozenset(f"{group}.{name}" for name, group, size, *_ in _core.OUTPUTS if size in sizes)
+    return frozenset(f"{group}.{name}" for group, name, size in ROWS if size in sizes)
 
 
 def of_belt(names: Collection[str] | None, params: Any) -> tuple[str, ...] | None:
@@ -128,6 +130,8 @@ def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
         needed = every if ledger else every - {LEDGER}
     else:
         needed = {name.rpartition(".")[2] for name in names}
+        needed |= {"flow", "theta"} if PASSED in needed else set()
+        needed.discard(PASSED)
     return tuple(sorted(needed | set(EVERY_RUN)))
 
 

@@ -12,7 +12,7 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core, balance, html, naming, preload, sanity, toml
+from . import _core, balance, cells, html, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, Frictionless, law_or_none
@@ -82,6 +82,7 @@ class Params:
             return tuple(None if part is None else part._to_core() for part in found)
 
         _, *belt = numbers("belt", self.belt)
+        belt[0] = belt[0] or cells.chosen(self.pulleys, route(self.pulleys))
         scene = (
             tuple(belt),
             tuple(pulley.center for pulley in self.pulleys),
@@ -401,11 +402,14 @@ class Params:
 
     def _rows_of_belt(self) -> list[tuple[str, str, str]]:
         """Name, quantity and meaning of its fields, with what "auto" has chosen."""
-        rows = {name: others for name, *others in self.effective_belt._rows()}
+        of_mesh = attrs.evolve(self.effective_belt, n_bodies=self.n_bodies)
+        rows = {name: others for name, *others in of_mesh._rows()}
         if self.belt.model == "auto":
             rows["model"][0] = f"auto ({self.belt_model})"
         if (nodes := self._belt_facts["nodes"]) != "links":
             rows["n_bodies"][1] = f"number of {nodes}, n_b"
+        if (asked := self.belt.n_bodies) != self.n_bodies:
+            rows["n_bodies"][0] += ", chosen" if asked is None else f", {asked} asked for"
         return [(f"belt.{name}", quantity, text) for name, (quantity, text) in rows.items()]
 
     def _chosen(self) -> dict[str, str]:

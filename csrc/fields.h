@@ -137,6 +137,8 @@
   X(LINKS, of->n_bodies)                                                                           \
   X(JOINTS, of->n_bodies)                                                                          \
   X(CELLS, of->n_bodies)                                                                           \
+  X(NODES, of->n_bodies)                                                                           \
+  X(FLOW, 1)                                                                                       \
   X(MODES, of->n_modes)                                                                            \
   X(CONTACT, of->n_bodies)                                                                         \
   X(SLOTS, (size_t)of->n_slots *(size_t)of->n_bodies)                                              \
@@ -225,12 +227,14 @@
   X(omega, pulleys, PULLEYS, "rad/s", "angular velocity")                                          \
   X(torque, pulleys, PULLEYS, "N m", "set torque M_d; or what a prescribed motion needs")          \
   X(load, pulleys, PLANE, "N", "force of the belt on the pulley, its contact and friction")        \
-  X(x, belt, LINKS, "m", "mass centre")                                                            \
-  X(y, belt, LINKS, "m", "mass centre")                                                            \
+  X(x, belt, NODES, "m", "mass centre; of a cell where it begins")                                 \
+  X(y, belt, NODES, "m", "mass centre; of a cell where it begins")                                 \
   X(phi, belt, LINKS, "rad", "link angle, continuous")                                             \
-  X(vx, belt, LINKS, "m/s", "velocity of the mass centre")                                         \
-  X(vy, belt, LINKS, "m/s", "velocity of the mass centre")                                         \
+  X(vx, belt, NODES, "m/s", "velocity of the mass centre, of belt where a cell begins")            \
+  X(vy, belt, NODES, "m/s", "velocity of the mass centre, of belt where a cell begins")            \
   X(vphi, belt, LINKS, "rad/s", "angular velocity of the link")                                    \
+  X(flow, belt, FLOW, "m/s", "stress-free belt that leaves pulley 0, along its numbering")         \
+  X(deflection, spans, MODES, "m", "amplitudes of sine modes, outwards")                           \
   X(deformation, joints, JOINTS, "m", "stretch of the joint on the left of the link, along it")    \
   X(force, joints, JOINTS, "N", "force in that joint, along it, tension positive")                 \
   X(normal, contact, CONTACT, "N", "normal force on the link, N")                                  \

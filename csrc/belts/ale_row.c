@@ -26,6 +26,23 @@ static void carve_drive(bd_carver *carver, bd_ale_drive **drive, int np) {
   }
 }
 
+/* Belt that resists bending runs off over sqrt(EI/T): two such ends lie on a wrap, and two more in a
+ * span, whose modes are those of a string by then. */
+static void check_ends(bd_model *model) {
+  const double WRAP = 2.0, SPAN = 4.0, off = sqrt(model->belt.bending_stiffness / model->drive->rest);
+  for (int j = 0; j < model->lay.np && model->geometry.code == BD_OK; ++j) {
+    const double on = model->wraps[j].wrap * model->radius[j], free = model->wraps[j].span;
+    if (on < WRAP * off || free < SPAN * off) {
+      const int wrap = on < WRAP * off;
+      bd_fail(&model->geometry, BD_ERR_GEOMETRY, "belt.mesh",
+              "belt.mesh \"ale\" needs a %s of %g times the %.3g mm over which bending runs off a "
+              "pulley, sqrt(EI/T), but that %s %s is %.3g mm long: take \"joint\"",
+              wrap ? "wrap" : "span", wrap ? WRAP : SPAN, 1e3 * off, wrap ? "on" : "behind",
+              bd_pulley_label(model, j).text, 1e3 * (wrap ? on : free));
+    }
+  }
+}
+
 /* Some n_bodies cells: one of each span, and of an arc, on average, one more than its part, for
  * their number is even. */
 static double shape(bd_model *model) {
@@ -70,8 +87,20 @@ static double shape(bd_model *model) {
     bd_fail(&model->geometry, BD_ERR_GEOMETRY, "belt.mesh",
             "belt.mesh \"ale\" needs two pulleys at least, for a belt that lies on one all round "
             "has no span: take \"joint\"");
+  } else if (laid) {
+    check_ends(model);
   }
   return shortest;
+}
+
+static void cells(const bd_model *model, int32_t *pulley, double *share) {
+  for (int i = 0, c = 0; i < model->lay.np; ++i) {
+    const int j = (i + 1) % model->lay.np, n = model->drive->pulleys[j].cells;
+    for (int k = -1; k < n; ++k, ++c) {
+      pulley[c] = k < 0 ? -1 : j;
+      share[c] = k < 0 ? 0.0 : (double)k / n;
+    }
+  }
 }
 
 /* Where cell c of the state vector stands, and where it begins. */
@@ -518,17 +547,44 @@ static double push(const bd_plan *plan, const double *y, int j, double force[2])
   return arc->torque;
 }
 
-/* Of a cell of an arc both ends together. */
+/* Of a cell of an arc both ends together, counter-clockwise. */
 static void rubbing(const bd_ale *ale, int j, int slot, double out[4]) {
   const bd_ale_arc *arc = &ale->arcs[j];
   const double share = ale->share_a[slot] + ale->share_b[slot];
   const double normal = 0.5 * fmax(0.0, ale->pressing[slot]) * arc->cell_angle * share;
-  const double friction = ale->force_a[slot] + ale->force_b[slot];
+  const double friction = arc->sense * (ale->force_a[slot] + ale->force_b[slot]);
   const double rho = arc->radius + arc->raised - ale->sink[slot];
   out[0] = normal;
   out[1] = friction;
   out[2] = normal > 0.0 ? friction / normal : 0.0;
-  out[3] = 0.5 * (ale->slid[slot] + ale->slid[slot + 1]) - arc->sense * arc->axis.omega * rho;
+  out[3] =
+      arc->sense * 0.5 * (ale->slid[slot] + ale->slid[slot + 1]) - arc->axis.omega * rho;
+}
+
+/* Where cells begin, and how the belt moves there; what flows through the first of them. */
+static void node_outputs(const bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const bd_ale *ale = &plan->ale->ale;
+  for (int i = 0, c = 0; i < lay->np; ++i) {
+    const int j = ale->arcs[i].next, last = c + ale->arcs[j].n;
+    for (int first = c; c <= last; ++c) {
+      const bd_ale_arc *arc = &ale->arcs[c == first ? i : j]; /* where a span begins an arc ends */
+      const int slot = plan->ale->slot[c];
+      const size_t at = k * (size_t)lay->n + (size_t)c;
+      const double v = plan->ale->y.v[slot], tx = ale->tx[slot], ty = ale->ty[slot];
+      const double nx = ale->direction * ty, ny = -ale->direction * tx;
+      const double lift = arc->side * arc->radius;
+      bd_put(out->x, at, arc->axis.c[0] + lift * nx + model->origin[0]);
+      bd_put(out->y, at, arc->axis.c[1] + lift * ny + model->origin[1]);
+      bd_put(out->vx, at, v * tx + ale->across[slot] * nx);
+      bd_put(out->vy, at, v * ty + ale->across[slot] * ny);
+    }
+  }
+  bd_put(out->flow, k, ale->flow[plan->ale->slot[0]]);
+  for (int m = 0; m < lay->n_modes; ++m) {
+    bd_put(out->deflection, k * (size_t)lay->n_modes + (size_t)m, y[lay->a + m]);
+  }
 }
 
 static void contact_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
@@ -536,6 +592,7 @@ static void contact_outputs(bd_plan *plan, const double *y, const bd_output *out
   const size_t n = (size_t)lay->n, np = (size_t)lay->np;
   const bd_ale *ale = bd_ale_look(plan, y);
   double swings = 0.0;
+  node_outputs(plan, y, out, k);
   for (int i = 0, c = 0; i < lay->np; ++i) {
     const int j = ale->arcs[i].next, last = c + ale->arcs[j].n;
     for (int first = c; c <= last; ++c) {
@@ -673,6 +730,7 @@ const bd_belt_model bd_belt_ale = {
                     "belt that flows through its mesh, bending"},
     .carve_drive = carve_drive,
     .shape = shape,
+    .cells = cells,
     .weigh = weigh,
     .set_going = bd_ale_set_going,
     .rest = bd_ale_rest,

@@ -15,7 +15,8 @@ BD_BELTS(X)
 /* Fields of nodes that are point masses; of links, which turn as well. */
 #define BD_OF_MASSES (1u << F_X | 1u << F_Y | 1u << F_VX | 1u << F_VY | 1u << F_MU | 1u << F_SLIP)
 #define BD_OF_LINKS (BD_OF_MASSES | 1u << F_PHI | 1u << F_VPHI)
-#define BD_OF_CELLS (1u << BD_SIZE_CELLS) /* what these lack */
+/* What these lack. */
+#define BD_OF_CELLS (1u << BD_SIZE_CELLS | 1u << BD_SIZE_MODES | 1u << BD_SIZE_FLOW)
 
 /* The line's point and direction `nodes` of n from its beginning. */
 void bd_line_point(const bd_model *model, const bd_route *line, const double *radius, double nodes,
