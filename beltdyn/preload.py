@@ -14,6 +14,8 @@ import functools
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
+import numpy as np
+
 from . import _core
 from .stopping import stoppable
 from .tensioning import Tensioning
@@ -71,7 +73,9 @@ def rest_tension(scene: Scene, length: float, tensioning: Tensioning) -> float:
         RuntimeError: It does not come to rest, a :class:`beltdyn.SimulationError`.
     """
     model = model_of(scene, length)
-    return float(model.observe(_settled(model, tensioning))["force"].mean())
+    settled = _settled(model, tensioning)
+    force, held = model.observe(settled)["force"][0], settled["m"]
+    return float(np.average(force, weights=held if held.size else None))
 
 
 def _settled(model: _core.Model, tensioning: Tensioning) -> dict[str, Any]:

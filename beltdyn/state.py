@@ -132,7 +132,7 @@ class Tensions:
         joints: Force in the joint on the left of each link (n_b,) [N], tension positive.
         spans: Mean of these over the free span that follows each pulley (n_p,) [N]; NaN where no
             joint is free.
-        mean: Mean over all joints [N].
+        mean: Mean over all joints, or over the belt in all cells [N].
     """
 
     joints: Array
@@ -230,7 +230,10 @@ class State:
 
     def __repr__(self) -> str:
         at_rest = "" if self.residual is None else f", residual {self.residual:.2g}"
-        return f"State(t={self.t:.6g}, {self.n_bodies} links, {self.n_pulleys} pulley(s){at_rest})"
+        nodes = "cells" if self.m.size else "links"
+        return (
+            f"State(t={self.t:.6g}, {self.n_bodies} {nodes}, {self.n_pulleys} pulley(s){at_rest})"
+        )
 
     def check_fits(self, params: Params, argument: str = "initial") -> None:
         """Raise ValueError unless the state can be one of a drive, by its shapes and clutches."""
@@ -260,7 +263,8 @@ class State:
         seen = params._model.observe(self._to_core(params))
         spans = span_tension(seen["pulley"], seen["force"], len(params.pulleys))
         joints = seen["force"][0]
-        return Tensions(joints=joints, spans=spans[0], mean=float(joints.mean()))
+        mean = float(np.average(joints, weights=self.m if self.m.size else None))
+        return Tensions(joints=joints, spans=spans[0], mean=mean)
 
     def at_speed(self, params: Params, omega: ByPulley[float]) -> State:
         """Give the same state with the belt running, and all pulleys turning with it.

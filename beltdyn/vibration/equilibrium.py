@@ -71,7 +71,7 @@ def _forces(
         left = float(params.info["link_mass"]) * np.hypot(rate["vx"], rate["vy"])
     worst = int(np.argmax(left))
     what = "cell" if params._belt_facts["flows"] else "link"
-    out = [(float(left[worst]), f"{what} {worst}")]
+    out: list[tuple[float, str]] = [(float(left[worst]), f"{what} {worst}")]
     for k, pulley in enumerate(params.pulleys):
         if k not in held:
             force = abs(float(rate["omega"][k])) * pulley.shaft_inertia / pulley.radius

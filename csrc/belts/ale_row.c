@@ -26,10 +26,11 @@ static void carve_drive(bd_carver *carver, bd_ale_drive **drive, int np) {
   }
 }
 
-/* Belt that resists bending runs off over sqrt(EI/T): two such ends lie on a wrap, and two more in a
- * span, whose modes are those of a string by then. */
+/* Belt that resists bending runs off over sqrt(EI/T): two such ends lie on a wrap, and two more in
+ * a span, whose modes are those of a string by then. */
 static void check_ends(bd_model *model) {
-  const double WRAP = 2.0, SPAN = 4.0, off = sqrt(model->belt.bending_stiffness / model->drive->rest);
+  const double WRAP = 2.0, SPAN = 4.0,
+               off = sqrt(model->belt.bending_stiffness / model->drive->rest);
   for (int j = 0; j < model->lay.np && model->geometry.code == BD_OK; ++j) {
     const double on = model->wraps[j].wrap * model->radius[j], free = model->wraps[j].span;
     if (on < WRAP * off || free < SPAN * off) {
@@ -557,8 +558,7 @@ static void rubbing(const bd_ale *ale, int j, int slot, double out[4]) {
   out[0] = normal;
   out[1] = friction;
   out[2] = normal > 0.0 ? friction / normal : 0.0;
-  out[3] =
-      arc->sense * 0.5 * (ale->slid[slot] + ale->slid[slot + 1]) - arc->axis.omega * rho;
+  out[3] = arc->sense * 0.5 * (ale->slid[slot] + ale->slid[slot + 1]) - arc->axis.omega * rho;
 }
 
 /* Where cells begin, and how the belt moves there; what flows through the first of them. */

@@ -50,8 +50,8 @@ const bd_belt_model *bd_belt_model_of(const bd_belt *belt) {
 int bd_belt_check(const bd_belt *belt, bd_error *err) {
   const bd_belt_model *row = bd_belt_model_of(belt);
   if (belt->mesh < BD_MESH_PAPER || belt->mesh > BD_MESH_ALE) {
-    return bd_fail(err, BD_ERR_PARAMETER, "belt.mesh", "belt.mesh must be paper, joint or ale, got %d",
-                   belt->mesh);
+    return bd_fail(err, BD_ERR_PARAMETER, "belt.mesh",
+                   "belt.mesh must be paper, joint or ale, got %d", belt->mesh);
   }
   if (belt->model < BD_BELT_AUTO || belt->model > BD_BELT_STRING) {
     return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
