@@ -19,7 +19,7 @@ from .rounding import percent
 from .route import Route
 from .run_warnings import RunWarning
 
-__all__ = ["Drive", "chosen", "describe", "errors", "finer", "limits", "reach"]
+__all__ = ["Drive", "chosen", "describe", "errors", "finer", "limits", "reach", "trusted"]
 
 #: Length of a cell on a pulley, and cells on half a turn of the largest one, from which on they are
 #: longer: a sixth of the half wave of a torsional vibration of 500 Hz, and creep right to 0.02 %.
@@ -34,6 +34,11 @@ ENDS = 0.015
 #: Lengths sqrt(EI/T) of which there should be so many at least on a wrap, and on a span: with fewer
 #: its ends begin to overlap. Half of that is refused.
 WRAP, SPAN = 4.0, 8.0
+
+
+#: Share of the speed of waves from which on a belt couples modes of a span: by a percent there. And
+#: what is left free below the first frequency that is not trusted.
+RUNS, NEAR = 0.1, 0.97
 
 
 class Drive(compliance.Drive, Protocol):
@@ -91,6 +96,19 @@ def finer(params: Drive, error: float, allowed: float) -> str:
     on_arcs = int(_on_arcs(params).sum())
     number = math.ceil(on_arcs * math.sqrt(error / allowed)) + len(params.pulleys)
     return f"n_bodies = {10 * math.ceil(number / 10.0)}"
+
+
+def trusted(params: Drive, speed: float) -> float:
+    """Give the angular frequency from which on modes across spans are not those of the drive.
+
+    Of the longest span as a string, at a speed of the belt [m/s]: of the first mode that it has not
+    or, as what a running string does couples each to its neighbours, of the last that it has.
+    """
+    wave = math.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
+    modes = params._model.sizes["MODES"] // len(params.pulleys)
+    number = modes + (abs(speed) < RUNS * wave)
+    slower = max(0.0, 1.0 - (speed / wave) ** 2)
+    return NEAR * number * math.pi * wave * slower / float(np.max(params.route.spans))
 
 
 def describe(params: Drive) -> str:

@@ -536,7 +536,9 @@ class Result:
         """
         ending = exported.check_ending(path)
         if ending == ".npz":
-            saved.write({**attrs.asdict(self, recurse=False), "spans": self._sampled_spans}, path)
+            saved.write(
+                {**attrs.asdict(self, recurse=False), "sampled_spans": self._sampled_spans}, path
+            )
         else:
             exported.write(path, ending, self.t, self._arrays(), self.params, self.to_xarray)
 

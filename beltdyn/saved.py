@@ -71,8 +71,8 @@ def write(result: Mapping[str, Any], path: str | os.PathLike[str]) -> None:
         if result[group] is not None:
             arrays = result[group].arrays()
             values |= {f"{group}.{name}": array for name, array in arrays.items()}
-    if result["spans"] is not None:
-        values[SPANS] = result["spans"]
+    if result["sampled_spans"] is not None:
+        values[SPANS] = result["sampled_spans"]
     values |= {f"final_state.{name}": getattr(final, name) for name, *_ in _core.STATE_FIELDS}
     values |= {"meta.json": json.dumps(meta), "params.toml": result["params"].to_toml()}
     npz.write(path, values)

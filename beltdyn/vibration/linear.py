@@ -25,7 +25,7 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .. import _core, cells
 from ..checks import Array
 from ..optional import scipy_module
 from ..params import Params
@@ -75,6 +75,7 @@ class Linear:
             same a second.
         passing: Links that pass a place per second, a; 0 at rest, and of cells [1/s].
         speed: Of the belt along its numbering [m/s], 0 at rest.
+        trusted: Angular frequency from which on the mesh lacks modes across spans [rad/s].
         prescribed: Pulleys whose motion is prescribed, and paths of mounts are.
         given: Columns of J of prescribed speeds, for what drives the rest: sparse (n, n_p), of
             theta and of omega.
@@ -92,6 +93,7 @@ class Linear:
     unit: Array
     passing: float
     speed: float
+    trusted: float
     prescribed: tuple[int, ...]
     given: tuple[Any, Any]
     phase: NDArray[np.intp] | None = None
@@ -169,6 +171,7 @@ def linearise(
     if torque_slopes is not None:
         jacobian = jacobian + _of_torques(params, names, torque_slopes, sparse)
     passing = passing_of(params, core) if places else 0.0
+    speed = speed_of(params, core) if places else 0.0
     # a state of friction that no slip changes belongs to a link that touches nothing
     sums = np.asarray(abs(jacobian).sum(axis=1)).ravel()
     keep = ~((names == "mu") & (sums == 0.0))
@@ -188,7 +191,8 @@ def linearise(
         index=index[inner],
         unit=unit[inner],
         passing=passing,
-        speed=speed_of(params, core) if places else 0.0,
+        speed=speed,
+        trusted=cells.trusted(params, speed) if params._belt_facts["flows"] else np.inf,
         prescribed=prescribed,
         given=(given[0], given[1]),
         torque_slopes=torque_slopes,

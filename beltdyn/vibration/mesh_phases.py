@@ -126,6 +126,7 @@ def linearise_over(
         unit=np.concatenate([part.unit for part in parts]),
         passing=passing,
         speed=passing * float(params.info["link_length"]),
+        trusted=np.inf,
         prescribed=prescribed,
         given=tuple(
             sparse.vstack([part.given[k] for part in parts], format="csc") for k in range(2)

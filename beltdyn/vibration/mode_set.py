@@ -72,6 +72,9 @@ class Modes:
         band: Frequencies between which no mode of less than a quarter of critical damping is
             missing (2,) [Hz], up to the highest mode given: by the search, or as counted.
         speed: Of the belt along its numbering [m/s], 0 at rest.
+        beyond: Frequency [Hz] from which on the mesh of an ALE belt lacks modes across its spans,
+            of each of which it has the first few, when it runs the last of these amiss: none are
+            given above; infinite of links.
         prescribed: Names of the pulleys whose motion is prescribed.
         mesh_error: Estimated scatter of each frequency with the phase of the mesh, against it (n,);
             it falls with the length of a link. With several phases most of it is averaged out.
@@ -97,6 +100,7 @@ class Modes:
     left_out: int
     band: tuple[float, float]
     speed: float
+    beyond: float
     prescribed: tuple[str, ...]
     mesh_error: Array
     phases: int
@@ -162,5 +166,7 @@ class Modes:
             )
         if self.left_out:
             rows.append(f"  left out for strong damping: {self.left_out} mode(s) below the last")
-        rows.append(f"  searched from {self.band[0]:.3g} Hz on")
+        upto = f" to {self.beyond:.3g} Hz, where the mesh lacks modes across spans"
+        upto = upto if np.isfinite(self.beyond) else " on"
+        rows.append(f"  searched from {self.band[0]:.3g} Hz{upto}")
         return above, modes, rows

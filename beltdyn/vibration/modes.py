@@ -81,7 +81,8 @@ def modes(
         state: In equilibrium, at rest or running steadily: from :func:`beltdyn.settle`, or
             ``result.final_state``.
         torque: Torques that depend on speeds or angles; None: they are constant.
-        n: How many modes, at most as many as there are links.
+        n: How many modes, at most as many as there are links. Of an ALE belt fewer are given where
+            its mesh has not more: those below ``Modes.beyond``.
         damping: Damping ratio above which modes are left out; None: 1 at rest, 0.25 running.
         motion: Pulleys whose motion is prescribed, by index or name, as of
             :func:`beltdyn.simulate`: ``{"crank": 0.0}`` holds it. Only the names count, for a small
@@ -152,6 +153,7 @@ def modes(
         left_out=left_out,
         band=(band[0] / (2.0 * np.pi), min(highest, band[1]) / (2.0 * np.pi)),
         speed=linear.speed,
+        beyond=linear.trusted / (2.0 * np.pi),
         prescribed=tuple(params.pulley_names[k] for k in linear.prescribed),
         mesh_error=_mesh_error(linear, found, state),
         phases=phases,
@@ -185,14 +187,17 @@ def _lowest(
         found, still, band, complete = search(linear, sought, most)
         here = parts.steady_share(linear, found[1]) > STEADY
         few = int(np.count_nonzero(here)) < min(n + 1, len(here)) and sought < 8 * n
-        if not few or band[1] > float(linear.params.info["spectral_bound"]):
+        bound = float(linear.params.info["spectral_bound"])
+        if not few or band[1] > min(bound, linear.trusted):
             break
         sought *= 2
     if not complete:
         _warn("modes_missing: not all eigenvalues of the band have converged, some may be missing")
     if check:
         _compare(linear, found, band[0], n)
+    here &= abs(found[0]) < linear.trusted
     found, turning = _without_turning(linear, (found[0][here], found[1][:, here]))
+    band = band[0], min(band[1], linear.trusted)
     found, left_out = _least_damped(found, n, most)
     return found, still, band, turning, left_out
 
@@ -314,8 +319,8 @@ def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
 def _shapes(linear: Linear, scaled: Complex, values: Complex) -> Shapes:
     found = {name: linear.field(scaled, name).T for name in ("phi", "theta", "travel")}
     x, y = parts.moves(linear, scaled, values)
-    n_p = len(linear.params.pulleys)
-    deflection = linear.field(scaled, "a").T.reshape(len(values), n_p, -1)
+    a, n_p = linear.field(scaled, "a").T, len(linear.params.pulleys)
+    deflection = a.reshape(len(values), n_p, a.shape[1] // n_p)
     return Shapes(x=x.T, y=y.T, deflection=deflection, **found)
 
 

@@ -121,7 +121,7 @@ def _of_belt(linear: Linear, vectors: Complex, where: Sections) -> tuple[Array, 
         weights = _of_cells(linear)
         along = (weights["v"] * abs(linear.field(vectors, "v")) ** 2).sum(axis=0)
         modes = weights["p"] * abs(linear.field(vectors, "p")) ** 2
-        across = modes.reshape(n_p, -1, n).sum(axis=1).T
+        across = modes.reshape(n_p, len(modes) // n_p, n).sum(axis=1).T
         return along + across.sum(axis=1), across
     mass, turning = float(info["link_mass"]), float(info["link_inertia"])
     vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))

@@ -110,7 +110,7 @@ def search(
     less than a damping ratio.
     """
     centre = first_rate(linear.params)
-    fastest = float(linear.params.info["spectral_bound"])
+    fastest = min(float(linear.params.info["spectral_bound"]), linear.trusted)
     lowest = LOWER * centre * (1.0 - RADIUS)
     found, all_done = _disc(linear, 1j * LOWER * centre, RADIUS * LOWER * centre)
     still, _ = _disc(linear, complex(-0.5 * centre), DECAYS * 0.5 * centre)
