@@ -47,6 +47,7 @@ class BeltFacts(TypedDict):
     error_by_local: float
     error_by_balance: float
     implicit_cost: float
+    by_rtol: float
 
 BELTS: tuple[BeltFacts, ...]
 MAX_STRAIN: float

@@ -19,7 +19,7 @@ from .couplings import Coupling, TorsionalDamper, coupling_or_none
 from .friction import Friction, law_or_none
 from .mounts import Mount, mount_or_none
 from .naming import as_name, names_of
-from .rules import Printable, Rule, from_table, instance_of, with_choice
+from .rules import Printable, Rule, from_table, instance_of, rules_of, with_choice
 
 __all__ = ["BELTS", "Belt", "Contact", "Drag", "Pulley", "as_pulleys"]
 
@@ -94,9 +94,9 @@ class Belt(Printable):
 
     def __attrs_post_init__(self) -> None:
         if self.n_bodies is None and self.mesh not in CHOOSE:
-            raise ValueError(
-                "belt.n_bodies must be given, the number of links: only the mesh "
-                f"{' or '.join(map(repr, CHOOSE))} has one that is chosen"
+            wording = rules_of("belt")["n_bodies"].wording
+            raise TypeError(
+                f"belt.n_bodies must be {wording}, got None: {' or '.join(CHOOSE)} alone chooses it"
             )
         if self.length is not None and self.preload is not None:
             raise ValueError(

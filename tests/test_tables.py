@@ -94,7 +94,11 @@ def test_histories_have_the_outputs_of_the_table() -> None:
             assert sorted(texts) == sorted([*names, "passed"])
             continue
         assert texts.pop("names", None) is None or group == "pulleys"
-        assert list(texts) == [*(["pulley"] if group == "contact" else []), *names]
+        first, last = (
+            [one] if group == where else []
+            for one, where in (("pulley", "contact"), ("passed", "belt"))
+        )
+        assert list(texts) == [*first, *names, *last]
         for name, _, _, unit, _ in rows:
             assert f"[{unit}]" in texts[name], name
     counters = {name for name, _ in _core.STATS} - {"residual"}
@@ -129,7 +133,8 @@ def test_belts_of_the_table_tell_the_facts_of_the_stub() -> None:
         assert {name: kind.partition("[")[0] for name, kind in typed.items()} == {
             name: type(value).__name__ for name, value in row.items()
         }
-        assert set(row["fields"]) <= fields and (not row["bends"] or "phi" in row["fields"])
+        assert set(row["fields"]) <= fields
+        assert not row["bends"] or row["flows"] or "phi" in row["fields"]
         belt = attrs.evolve(
             params.belt, mesh=row["mesh"], model=row["model"], bending_stiffness=0.0
         )

@@ -65,8 +65,9 @@ def _forces(
 ) -> list[tuple[float, str]]:
     """Give the forces left over [N], each with what it acts on."""
     if params._belt_facts["flows"]:
-        m = np.asarray(core["m"])
-        left = params.belt.linear_density * 0.5 * (m + np.roll(m, 1)) * abs(rate["v"])
+        beside = np.asarray(core["m"])
+        mass = params.belt.linear_density * 0.5 * (beside + np.roll(beside, 1))
+        left = mass * abs(rate["v"])
     else:
         left = float(params.info["link_mass"]) * np.hypot(rate["vx"], rate["vy"])
     worst = int(np.argmax(left))
