@@ -18,8 +18,20 @@ from .parts import Pulley
 from .rounding import percent
 from .route import Route
 from .run_warnings import RunWarning
+from .tensioning import Tensioning
 
-__all__ = ["Drive", "chosen", "describe", "errors", "finer", "limits", "reach", "trusted"]
+__all__ = [
+    "Drive",
+    "chosen",
+    "describe",
+    "errors",
+    "finer",
+    "limits",
+    "modes_off",
+    "reach",
+    "seen",
+    "trusted",
+]
 
 #: Length of a cell on a pulley, and cells on half a turn of the largest one, from which on they are
 #: longer: a sixth of the half wave of a torsional vibration of 500 Hz, and creep right to 0.02 %.
@@ -36,13 +48,18 @@ ENDS = 0.015
 WRAP, SPAN = 4.0, 8.0
 
 
-#: Share of the speed of waves from which on a belt couples modes of a span: by a percent there. And
-#: what is left free below the first frequency that is not trusted.
-RUNS, NEAR = 0.1, 0.97
+#: Of the tension at rest, of the speed of waves, and slopes of spans from which on a run is warned.
+NEAR_SLACK, FAST, STEEP = 0.1, 0.2, 0.1
+#: Error of a frequency from which on it is not given; what is left free below the first of these.
+AMISS, NEAR = 0.01, 0.97
 
 
 class Drive(compliance.Drive, Protocol):
     """The part of :class:`beltdyn.Params` that is needed here; it imports this module."""
+
+    @property
+    def tensioning(self) -> Tensioning:
+        """How the belt is tensioned."""
 
     @property
     def _model(self) -> _core.Model: ...
@@ -102,13 +119,33 @@ def trusted(params: Drive, speed: float) -> float:
     """Give the angular frequency from which on modes across spans are not those of the drive.
 
     Of the longest span as a string, at a speed of the belt [m/s]: of the first mode that it has not
-    or, as what a running string does couples each to its neighbours, of the last that it has.
+    or, as running couples each to its neighbours, has amiss.
     """
     wave = math.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
     modes = params._model.sizes["MODES"] // len(params.pulleys)
-    number = modes + (abs(speed) < RUNS * wave)
-    slower = max(0.0, 1.0 - (speed / wave) ** 2)
+    share = min(abs(speed) / wave, 1.0)
+    slower = 1.0 - share**2
+    amiss = np.flatnonzero(abs(modes_off(share, modes)) > AMISS) if slower > 0.0 else np.zeros(1)
+    number = 1 + (int(amiss[0]) if amiss.size else modes)
     return NEAR * number * math.pi * wave * slower / float(np.max(params.route.spans))
+
+
+def modes_off(share: float, modes: int) -> Array:
+    """Give how far off the frequencies of a running string are by so many sine modes (modes,) [1].
+
+    a_n'' + 2 b sum G_nr a_r' + (n pi)^2 (1 - b^2) a_n = 0 with G_nr = 4 n r / (n^2 - r^2) for odd
+    n + r, against n pi (1 - b^2).
+
+    Args:
+        share: Speed of the belt over that of waves, b.
+        modes: How many of them.
+    """
+    n = np.arange(1, modes + 1)
+    apart = np.where((n[:, None] + n) % 2 == 1, n[:, None] ** 2 - n**2, np.inf)
+    gyro, still = 8.0 * share * np.outer(n, n) / apart, (n * np.pi) ** 2 * (1.0 - share**2)
+    whole = np.block([[np.zeros((modes, modes)), np.eye(modes)], [-np.diag(still), -gyro]])
+    rates = np.sort(np.abs(np.linalg.eigvals(whole).imag))[::2]
+    return np.asarray(rates / (n * np.pi * (1.0 - share**2)) - 1.0)
 
 
 def describe(params: Drive) -> str:
@@ -126,7 +163,14 @@ def describe(params: Drive) -> str:
 
 def limits(params: Drive) -> Iterator[RunWarning]:
     """Warn of wraps and spans that are hardly long enough for the ends where bending runs off."""
-    off = reach(params)
+    off, name = reach(params), params.tensioning.beyond_cells()
+    if name:
+        yield RunWarning(
+            code="tensioning",
+            text=f'a belt on the mesh "ale" is laid at rest without friction: tensioning.{name} is '
+            "not followed, and what it leaves in the wraps is missing until the belt has run over "
+            'them once; Belt(mesh="joint") has it',
+        )
     for what, lengths, least in (
         ("the wrap of", _arcs(params), WRAP),
         ("the span that follows", params.route.spans, SPAN),
@@ -141,4 +185,57 @@ def limits(params: Drive) -> Iterator[RunWarning]:
                 f'below {0.5 * least:.2g} times the mesh "ale" is refused; "joint" holds',
                 where=params.label(k),
                 accuracy=True,
+            )
+
+
+def seen(
+    params: Drive, tension: Array | None, flow: Array | None, deflection: Array | None
+) -> Iterator[tuple[str, str, int, int]]:
+    """Tell where a run came near the limits of an ALE belt: code, text, sample, span.
+
+    Args:
+        params: The drive.
+        tension: Of the spans (n_t, n_p) [N]; None: not kept, as the next two.
+        flow: Stress-free length that passes in a second (n_t,) [m/s].
+        deflection: Amplitudes of sine modes (n_t, n_p, K) [m].
+    """
+    rest, belt = float(params.info["strain_tension"]), params.belt
+    if tension is not None:
+        speed = 0.0 if flow is None else flow[:, None]
+        stretch = 1.0 + tension / belt.axial_stiffness
+        thrown = belt.linear_density * speed**2 * stretch + 0.0 * tension
+        least = tension - thrown
+        t, k = np.unravel_index(int(np.argmin(least)), least.shape)
+        if least[t, k] < NEAR_SLACK * rest:
+            yield (
+                "near_slack",
+                f"has {least[t, k]:.3g} N left to press it on its pulleys, of {rest:.4g} N at "
+                f"rest: below {percent(0.5 * NEAR_SLACK)} of it the run ends, and tensions may be "
+                "off by some percent",
+                int(t),
+                int(k),
+            )
+        share = np.sqrt(np.clip(thrown / np.maximum(tension, 1e-300), 0.0, 1.0))
+        t, k = np.unravel_index(int(np.argmax(share)), share.shape)
+        modes = params._model.sizes["MODES"] // len(params.pulleys)
+        if FAST < share[t, k] < 1.0:
+            off = ", ".join(percent(abs(one)) for one in modes_off(float(share[t, k]), modes))
+            yield (
+                "span_modes",
+                f"runs at {percent(share[t, k])} of the speed of its waves: with {modes} sine "
+                f"modes the frequencies of its lateral vibrations are off by {off}",
+                int(t),
+                int(k),
+            )
+    if deflection is not None and deflection.size:
+        waves = np.arange(1, 1 + deflection.shape[-1]) * np.pi / params.route.spans[:, None]
+        slope = np.sum(np.abs(deflection) * waves, axis=-1)
+        t, k = np.unravel_index(int(np.argmax(slope)), slope.shape)
+        if slope[t, k] > STEEP:
+            yield (
+                "steep_span",
+                f"swings with a slope of {slope[t, k]:.2g}: from {2.0 * STEEP:.2g} on, where what "
+                "its swing does to its length is no longer small, the run ends",
+                int(t),
+                int(k),
             )

@@ -515,7 +515,7 @@ def histories(
         if size in ("FRICTION", "SLIPS") and name not in arrays:
             columns[group][name] = np.broadcast_to(0.0, shape)
         else:
-            columns[group][name] = arrays[name].reshape(shape)
+            columns[group][name] = np.reshape(arrays[name], shape)
     groups: dict[str, Any] = {
         group: None if group in left_out else GROUPS[group]._holding(found)
         for group, found in columns.items()

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from . import sanity
+from . import cells, sanity
 from .checks import Array
 from .couplings import OverrunningClutch
 from .gross_slip import durations, gross_slip
@@ -49,6 +49,7 @@ def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ..
             "full_slip": _full_slip(result, moved),
             "slack_span": _slack_spans(result),
             "never_drives": _backward_clutches(result),
+            "near_limit": _near_limits(result),
         }
         params = result.params
         missing = unchecked(result.outputs, params.has_friction, bool(params.coupled))
@@ -191,6 +192,25 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
             "the error is unknown",
             t=first,
             where=f"span {span_name(k, params.pulley_names, unnamed=str(k))}",
+            accuracy=True,
+        )
+
+
+def _near_limits(result: Result) -> Iterator[RunWarning]:
+    """Warn of spans of an ALE belt that came near what it does not describe."""
+    params, has = result.params, result._has
+    if not params._belt_facts["flows"]:
+        return
+    tension = result.span_tension if has("span_tension") else None
+    flow = result.belt.flow if has("belt.flow") else None
+    deflection = result.spans.deflection if has("spans.deflection") else None
+    for code, text, row, k in cells.seen(params, tension, flow, deflection):
+        name = span_name(k, params.pulley_names, unnamed=str(k))
+        yield RunWarning(
+            code=code,
+            text=f'span {name} {text}; Belt(mesh="joint") describes it',
+            t=float(result.t[row]),
+            where=f"span {name}",
             accuracy=True,
         )
 

@@ -17,7 +17,7 @@ from . import compliance as sinking
 from .checks import Array
 from .friction import Friction, Frictionless, law_or_none
 from .mounts import Path, Sprung
-from .parts import BELTS, CHOOSE, Belt, Contact, Pulley, as_pulleys
+from .parts import BELTS, Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, lines, rules_of
 from .run_warnings import RunWarning
@@ -108,13 +108,16 @@ class Params:
         route(self.pulleys)
         preload.model_of(scene, self._first_length).check_geometry()
         object.__setattr__(self, "tensioning", self.tensioning.fitted(self.pulley_names))
-        if self.belt.mesh in CHOOSE:
-            self.tensioning.check_flows()
         for k, offset in enumerate(self.tensioning.offset):
             if k in self.mounted and offset != (0.0, 0.0):
                 raise ValueError(
                     f"tensioning.offset of {self.label(k)} must be (0, 0): its mount moves it"
                 )
+
+    @property
+    def _tensioned(self) -> Tensioning:
+        """How the belt is tensioned: as asked, but for one that knows no other way than freely."""
+        return Tensioning() if self._belt_facts["flows"] else self.tensioning
 
     @property
     def _first_length(self) -> float:
@@ -388,7 +391,7 @@ class Params:
         return [
             f"Belt drive, {sanity.bodies(self)} on {len(self.pulleys)} pulley(s)",
             *([found] if found else []),
-            f"tensioned {self.tensioning.describe(self.pulley_names)}",
+            f"tensioned {self._tensioned.describe(self.pulley_names)}",
             *self._mounts_at_rest(),
             *self._paths_beyond(),
             f"belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "

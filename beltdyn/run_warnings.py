@@ -48,6 +48,8 @@ class RunWarning:
         strain        the strain at rest is above 3 %: a longer belt
         compliance *  the belt sinks into a pulley by more than 0.5 % of its radius: stiffer contact
         long_links *  links longer than half a radius, or hardly one on a wrap: more links
+        near_limit *  of an ALE belt: a wrap or span hardly longer than its bent ends: mesh "joint"
+        tensioning    of an ALE belt: it begins without what tensioning asks for: mesh "joint"
         units         implausible values: were data given in mm, kN, g/m, N mm or percent?
 
     From the samples of a run::
@@ -57,6 +59,9 @@ class RunWarning:
         full_slip     a pulley slips over its whole wrap: more preload, or less torque
         slack_span *  a span without tension: the same; the error is unknown then
         units         a torque far beyond what the belt can transmit: was it given in N mm?
+        near_slack *  of an ALE belt: a span presses on pulleys by a tenth of the tension at rest
+        span_modes *  of an ALE belt: it runs so fast that its lateral vibrations are off
+        steep_span *  of an ALE belt: a span swings by more than a slope of 0.1
         never_drives  an overrunning clutch is free all the time under a rim that turns the other
                       way than it drives: is ``clockwise`` right?
 

@@ -16,6 +16,7 @@ from .progress import over_time
 from .result import Result
 from .state import State, belt_speed
 from .stopping import stoppable
+from .tensioning import Tensioning
 
 __all__ = ["CHUNK", "check_initial", "check_params", "positive_or_none", "settle"]
 
@@ -92,8 +93,12 @@ def settle(
     }
     changes = {name: value for name, value in given.items() if value is not None}
     tensioning = attrs.evolve(params.tensioning, **changes).fitted(params.pulley_names)
-    if params._belt_facts["flows"]:
-        tensioning.check_flows()
+    name = attrs.evolve(Tensioning(), **changes).beyond_cells()
+    if params._belt_facts["flows"] and name:
+        raise ValueError(
+            f'{name} is none of a belt on the mesh "ale", which is laid at rest without friction: '
+            'leave it out, or take Belt(mesh="joint")'
+        )
     n_pulleys, has_friction = len(params.pulleys), params.has_friction
     options = tensioning._options(n_pulleys, has_friction)
     options["max_time"] = positive_or_none("max_time", max_time, "s")

@@ -127,18 +127,14 @@ class Tensioning:
             )
         return self
 
-    def check_flows(self) -> None:
-        """Raise ValueError if it asks for what a belt that flows through cells cannot begin with.
+    def beyond_cells(self) -> str:
+        """Name what it asks for that a belt of cells cannot begin with; nothing: all is well.
 
         It is laid at rest without friction, at once: there are no links to move.
         """
         moved = any(one not in (None, (0.0, 0.0)) for one in self.offset)
-        for name, given in (("friction", self.friction), ("offset", moved), ("shift", self.shift)):
-            if given:
-                raise ValueError(
-                    f'{name} is none of a belt on the mesh "ale", which begins at rest without '
-                    'friction: leave it out, or take Belt(mesh="joint")'
-                )
+        asked = {"friction": self.friction, "offset": moved, "shift": self.shift != 0.0}
+        return next((name for name, given in asked.items() if given), "")
 
     def __str__(self) -> str:
         return self.describe(())

@@ -7,7 +7,6 @@ import json
 import pickle
 import re
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import attrs
@@ -20,7 +19,6 @@ from numpy.typing import NDArray
 import beltdyn as bd
 from beltdyn import _core, memory, outputs
 from beltdyn.checks import Array
-from beltdyn.histories import histories
 
 T = np.linspace(0.0, 4e-3, 9)
 
@@ -144,22 +142,26 @@ def test_an_array_that_was_not_asked_for_says_so(rest: bd.State) -> None:
         _ = of_slip.slip
 
 
-def test_what_a_belt_lacks_is_absent_by_name() -> None:
-    """Without nodes that move, or without slip, a belt has no such arrays, and no zeros."""
-    drive = SimpleNamespace(
-        _having={"MOUNTS": (), "COUPLINGS": ()}, _belt_facts={"lacks": ("LINKS", "SLIPS")}
-    )
-    assert outputs.of_belt(None, drive) is None
-    assert outputs.of_belt(("belt.phi", "energy"), drive) == ("energy",)
-    with pytest.raises(ValueError, match=r"^outputs: 'contact.slip' is nothing that this belt has"):
-        outputs.chosen(("contact.slip",), True, outputs.lacking(drive))
-    names = [name for name, *_ in _core.OUTPUTS if name != "energy"]
-    arrays = dict.fromkeys([*names, "pulley"], np.ones((1, 2)))
-    found = histories(np.zeros(1), arrays, (), drive, None)
-    assert not {"phi", "vphi"} & set(found["belt"].arrays()) and found["mounts"] is None
-    assert set(found["contact"].arrays()) == {"normal", "friction", "mu", "velocity", "pulley"}
-    with pytest.raises(AttributeError, match=r"^contact\.slip was not .* mesh \"ale\" have none$"):
-        _ = found["contact"].slip
+def test_what_a_belt_lacks_is_absent_by_name(rest: bd.State) -> None:
+    """Neither as zeros nor in files, whether cells have no slip or links no flow; asked for alone,
+    it is refused.
+    """
+    cells = attrs.evolve(PLAIN.params.belt, mesh="ale", model="auto", n_bodies=None)
+    run_of_cells = run(PLAIN._replace(params=attrs.evolve(PLAIN.params, belt=cells)))
+    whole = run(PLAIN, initial=rest)
+    for result, lacks, mesh in (
+        (run_of_cells, ("contact.slip", "belt.phi", "belt.vphi"), "ale"),
+        (whole, ("belt.flow", "belt.passed", "spans.deflection"), "joint"),
+    ):
+        assert result.outputs is None and not set(lacks) & set(result._arrays())
+        for name in lacks:
+            group, _, field = name.partition(".")
+            with pytest.raises(AttributeError, match=rf'^{name} was not .* mesh "{mesh}".* none$'):
+                getattr(getattr(result, group), field)
+            with pytest.raises(ValueError, match=f"^outputs: '{name}' is nothing that this belt"):
+                run(PLAIN._replace(params=result.params), outputs=(name,))
+        of_group = run(PLAIN._replace(params=result.params), outputs=("belt",))
+        assert set(held(of_group)) == {one for one in held(result) if one.startswith("belt.")}
 
 
 def test_names_are_checked_before_anything_runs(monkeypatch: pytest.MonkeyPatch) -> None:

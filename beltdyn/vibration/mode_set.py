@@ -73,8 +73,8 @@ class Modes:
             missing (2,) [Hz], up to the highest mode given: by the search, or as counted.
         speed: Of the belt along its numbering [m/s], 0 at rest.
         beyond: Frequency [Hz] from which on the mesh of an ALE belt lacks modes across its spans,
-            of each of which it has the first few, when it runs the last of these amiss: none are
-            given above; infinite of links.
+            of each of which it has the first few, or has them amiss by more than 1 % as it runs:
+            none are given above; infinite of links.
         prescribed: Names of the pulleys whose motion is prescribed.
         mesh_error: Estimated scatter of each frequency with the phase of the mesh, against it (n,);
             it falls with the length of a link. With several phases most of it is averaged out.
