@@ -153,7 +153,7 @@ class Pulley(Printable):
             by its index; None: "pulley 3" and the like. 1 to 31 bytes of UTF-8, printable, no
             number, without spaces at its ends, other than those of the drive's other pulleys.
         mount: What lets the axis move: :class:`Arm`, :class:`Slider` or :class:`Path`; None: it is
-            fixed. Needs ``Belt(mesh="joint")``.
+            fixed. Needs ``Belt(mesh="joint")`` or ``"ale"``.
         coupling: What joins its rim to its shaft, on which torques, drag and prescribed motions
             act: :class:`Isolator` or :class:`OverrunningClutch`; or a free ring on it,
             :class:`TorsionalDamper`; None: it is one rigid body.

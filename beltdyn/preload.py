@@ -115,6 +115,11 @@ def first_length(scene: Scene, line: float, preload: float) -> Rest:
             f"belt.preload is too large: {preload:.6g} N would stretch the belt by more than "
             f"{_core.MAX_STRAIN:g}; at most {most:.4g} N are allowed for EA = {stiffness:.4g} N"
         )
+    if preload < least and any(row["flows"] and row["mesh"] == scene[9] for row in _core.BELTS):
+        raise ValueError(
+            f"belt.preload is too small: {preload:.6g} N, but bending alone tensions the belt to "
+            f"{least:.4g} N: take less belt.bending_stiffness"
+        )
     if preload < least:
         why = "straight links, longer than the arcs they lie on,", "take more of them"
         if scene[0][4] > 0.0:

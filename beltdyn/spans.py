@@ -146,6 +146,8 @@ def mid_span(params: Params, belt: Line, force: Array) -> Array:
         joints.
     """
     n_p = len(params.pulleys)
+    if params._belt_facts["flows"]:
+        return of_spans(params, force)
     if n_p == 1:
         return np.asarray(force.mean(axis=1, keepdims=True))
     x, y = np.moveaxis(joint_points(params, belt), -1, 0)

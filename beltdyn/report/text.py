@@ -521,7 +521,7 @@ def opening(report: Told) -> list[str]:
 def _against(report: Told) -> str:
     """Say which way the belt runs if that is not the one in which its links are numbered."""
     speed = report.belt_speed or 0.0
-    return " against the order of its links" if speed < -_STILL else ""
+    return f" against the order of its {report.nodes}" if speed < -_STILL else ""
 
 
 def _unsteady(report: Told) -> str:

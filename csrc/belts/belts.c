@@ -58,9 +58,12 @@ int bd_belt_check(const bd_belt *belt, bd_error *err) {
                    "belt.model must be auto, links or string, got %d", belt->model);
   }
   if (!row) {
+    const int string = belt->model == BD_BELT_STRING;
     return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
-                   "belt.model \"string\" needs belt.mesh \"joint\": the paper's mesh is one of "
-                   "rigid links");
+                   "belt.model \"%s\" needs belt.mesh \"joint\"%s: %s", string ? "string" : "links",
+                   string ? "" : " or \"paper\"",
+                   belt->mesh == BD_MESH_ALE ? "the ALE mesh has cells alone, model \"auto\""
+                                             : "the paper's mesh is one of rigid links");
   }
   if (!row->facts.bends && resists_bending(belt)) {
     return bd_fail(err, BD_ERR_PARAMETER, "belt.model",
