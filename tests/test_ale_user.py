@@ -18,7 +18,7 @@ from beltdyn.cli import main
 from beltdyn.places import cell_places, follow
 
 BELT = bd.Belt(
-    mesh="ale", preload=320.0, linear_density=0.1, axial_stiffness=60e3, axial_damping=2.0,
+    mesh="ale", preload=320.0, linear_density=0.1, axial_stiffness=60e3, axial_damping=40.0,
     bending_stiffness=0.02,
 )  # fmt: skip
 PULLEYS = (
@@ -118,10 +118,12 @@ def test_nothing_of_its_spectrum_is_of_links(run: bd.Result) -> None:
 
 
 def test_its_modes_are_those_of_links() -> None:
-    """Within 0.5 %, as far as its mesh has them, and none beyond."""
+    """As far as its mesh has them, and none beyond; within 0.7 %, by which a pair of equal spans of
+    links differs with where they lie.
+    """
     rest, fine = bd.settle(DRIVE), attrs.evolve(LINKS, belt=attrs.evolve(LINKS.belt, n_bodies=240))
     found, links = bd.modes(DRIVE, rest, n=5), bd.modes(fine, bd.settle(fine), n=5)
-    np.testing.assert_allclose(found.frequency, links.frequency, rtol=5e-3)
+    np.testing.assert_allclose(found.frequency, links.frequency, rtol=7e-3)
     assert [name.partition(";")[0].rpartition(",")[2] for name in found.names] == [
         name.partition(";")[0].rpartition(",")[2] for name in links.names
     ]
@@ -139,13 +141,13 @@ def test_a_running_string_by_few_sines() -> None:
 
 def test_what_it_does_not_describe_is_refused_by_name() -> None:
     small = attrs.evolve(PULLEYS[0], radius=0.009)
-    stiff = attrs.evolve(BELT, bending_stiffness=0.08)
+    stiff = attrs.evolve(BELT, bending_stiffness=0.5, preload=2000.0)
     with pytest.raises(ValueError, match=r'^belt\.mesh "ale" needs a wrap of 2 times .* "joint"$'):
         attrs.evolve(DRIVE, pulleys=[small, PULLEYS[1]], belt=stiff)
     near = attrs.evolve(PULLEYS[1], center=(0.145, 0.0))
     with pytest.raises(ValueError, match=r'needs a span of 4 times .* behind pulley "motor"'):
         attrs.evolve(
-            DRIVE, pulleys=[PULLEYS[0], near], belt=attrs.evolve(BELT, bending_stiffness=0.3)
+            DRIVE, pulleys=[PULLEYS[0], near], belt=attrs.evolve(BELT, bending_stiffness=0.45)
         )
     one = attrs.evolve(DRIVE, pulleys=PULLEYS[:1], belt=attrs.evolve(BELT, bending_stiffness=0.0))
     with pytest.raises(ValueError, match="needs two pulleys at least"):
@@ -167,7 +169,7 @@ def test_it_warns_near_its_limits(run: bd.Result) -> None:
     assert [one.code for one in tensioned._noticed] == ["tensioning"]
     assert "tensioned without friction" in str(tensioned)
     t = np.linspace(0.0, 0.01, 11)
-    with pytest.warns(bd.AccuracyWarning, match="^span_modes: span motor to fan .* sine modes"):
+    with pytest.warns(bd.AccuracyWarning, match="^span_modes: span .* runs at .* sine modes"):
         fast = bd.simulate(
             DRIVE, bd.Viscous([0.0, 0.0]), 0.01, {"motor": bd.PiecewiseLinear([0.0], [600.0])},
             t_eval=t,
