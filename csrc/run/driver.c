@@ -56,6 +56,7 @@ static int sample_step(bd_sim *sim, double h, double t_new) {
 static int accept(bd_sim *sim, double h, double t_new) {
   int changed = 0;
   const long contacts = sim->stepper.plan.contacts_changed;
+  BD_TRY(bd_implicit_middle(&sim->stepper, h));
   BD_TRY(bd_plan_after_step(&sim->stepper.plan, t_new, sim->stepper.y_new, 1e-3 * sim->stepper.rtol,
                             &changed, &sim->stepper.report.failure));
   BD_TRY(sim->stepper.now->finish(&sim->stepper, h, t_new));

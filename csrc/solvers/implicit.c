@@ -96,19 +96,22 @@ double bd_implicit_hidden_error(const bd_stepper *stepper, double h, double g,
                               bd_method_tolerance(stepper->now, stepper->model, stepper->rtol);
 }
 
-int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle) {
+int bd_implicit_middle(bd_stepper *stepper, double h) {
+  const bd_layout *lay = &stepper->model->lay;
+  double *rate = stepper->stage[stepper->now->vectors - 1];
+  if (stepper->now->middle && stepper->plan.ledger) {
+    stepper->now->inside(stepper, h, 0.5, stepper->y_mid);
+    BD_TRY(bd_stepper_rate(stepper, stepper->t + 0.5 * h, stepper->y_mid, rate));
+    memcpy(stepper->work_middle, rate + lay->work, (size_t)lay->n_work * sizeof *rate);
+  }
+  return BD_OK;
+}
+
+int bd_implicit_finish(bd_stepper *stepper, double h, double t_new) {
   const bd_layout *lay = &stepper->model->lay;
   double *rate = stepper->stage[stepper->now->vectors - 1];
   const double *before = stepper->stage[0] + lay->work, *after = rate + lay->work;
-  middle &= stepper->plan.ledger;
-  if (middle) {
-    stepper->now->inside(stepper, h, 0.5, stepper->y_mid);
-    int code = bd_stepper_rate(stepper, stepper->t + 0.5 * h, stepper->y_mid, rate);
-    if (code != BD_OK) {
-      return code;
-    }
-    memcpy(stepper->work_middle, after, (size_t)lay->n_work * sizeof *after);
-  }
+  const int middle = stepper->now->middle && stepper->plan.ledger;
   int code = bd_stepper_rate(stepper, t_new, stepper->y_new, rate);
   if (code != BD_OK) {
     return code;

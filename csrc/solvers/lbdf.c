@@ -97,14 +97,10 @@ static void inside(bd_stepper *stepper, double h, double s, double *y) {
   bd_implicit_work_inside(stepper, h, s, y);
 }
 
-static int finish(bd_stepper *stepper, double h, double t_new) {
-  return bd_implicit_finish(stepper, h, t_new, 0);
-}
-
 /* What the two have in common. */
 #define LINEARLY_IMPLICIT                                                                          \
   .implicit = 1, .vectors = 3, .adaptive = 1, .may_be_fixed = 1, .growth = 2.0,                    \
-  .aim = {100.0, 2.0}, .cost = {1.60, 0.052}, .attempt = attempt, .finish = finish,                \
+  .aim = {100.0, 2.0}, .cost = {1.60, 0.052}, .attempt = attempt, .finish = bd_implicit_finish,    \
   .inside = inside
 
 const bd_method bd_method_lbdf2 = {.name = "lbdf2",

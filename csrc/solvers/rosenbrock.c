@@ -75,7 +75,3 @@ void bd_rosenbrock_inside(bd_stepper *stepper, double h, double s, double *y) {
                                  stepper->stage + 1);
   bd_implicit_work_inside(stepper, h, s, y);
 }
-
-int bd_rosenbrock_finish(bd_stepper *stepper, double h, double t_new) {
-  return bd_implicit_finish(stepper, h, t_new, 1);
-}

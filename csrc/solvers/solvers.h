@@ -157,6 +157,7 @@ typedef struct bd_method {
   int vectors;          /* of the size of the state, in bd_stepper.stage */
   int history;          /* earlier states it looks back on */
   int adaptive;         /* its errors can set its step */
+  int middle;           /* works are summed by the power in the middle of a step as well */
   int may_be_fixed;     /* bd_options.step is the step, not the first one */
   double stability;     /* limit of h |lambda|; 0: none */
   double growth;        /* of the step, at most */
@@ -208,11 +209,10 @@ typedef struct bd_rosenbrock {
 } bd_rosenbrock;
 
 #define BD_ROSENBROCK(coefficients)                                                                \
-  .attempt = bd_rosenbrock_attempt, .finish = bd_rosenbrock_finish,                                \
-  .inside = bd_rosenbrock_inside, .table = (coefficients)
+  .attempt = bd_rosenbrock_attempt, .finish = bd_implicit_finish, .inside = bd_rosenbrock_inside,  \
+  .middle = 1, .table = (coefficients)
 
 int bd_rosenbrock_attempt(bd_stepper *stepper, double h, double *error);
-int bd_rosenbrock_finish(bd_stepper *stepper, double h, double t_new);
 void bd_rosenbrock_inside(bd_stepper *stepper, double h, double s, double *y);
 
 /* --- stepper.c ------------------------------------------------------------------------------- */
@@ -297,8 +297,10 @@ int bd_implicit_prescribe(bd_stepper *stepper, double h, double g, double *c);
 /* What a linear system with g hides from the error estimate of a step of length h: y_new, at its
  * end or of its last stage, is off the line along which effects were linearised. */
 double bd_implicit_hidden_error(const bd_stepper *stepper, double h, double g, const double *y_new);
-/* At the end of a step: its ledger (middle: with the power in the step's middle), the next rate. */
-int bd_implicit_finish(bd_stepper *stepper, double h, double t_new, int middle);
+/* Before anything happens to y_new: power in the middle of the step, for methods that have it in
+ * their ledger. At the end of a step: its ledger, the next rate. */
+int bd_implicit_middle(bd_stepper *stepper, double h);
+int bd_implicit_finish(bd_stepper *stepper, double h, double t_new);
 /* The ledger's part of a state inside the step just made. */
 void bd_implicit_work_inside(const bd_stepper *stepper, double h, double s, double *y);
 
