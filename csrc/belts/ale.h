@@ -125,6 +125,18 @@ void bd_ale_carried(const bd_plan *plan, double *matrix);
 /* Accelerations of mounts from what moves them, by their own inertia and this of the belt. */
 void bd_ale_carry(const bd_plan *plan, const double *inertia, double *q);
 
+/* --- ale_outputs.c, functions of the row -------------------------------------------------------
+ */
+
+void bd_ale_joints_at(const bd_plan *plan, const double *y, const double *co, const double *si,
+                      bd_joint *out);
+double bd_ale_push(const bd_plan *plan, const double *y, int j, double force[2]);
+void bd_ale_contact_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
+void bd_ale_stored(const bd_plan *plan, const double *y, const bd_joint *unused,
+                   double terms[BD_N_ENERGY]);
+double bd_ale_error(const bd_plan *plan, const bd_step_sum *of);
+double bd_ale_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);
+
 /* --- ale_start.c ------------------------------------------------------------------------------ */
 
 /* A positive definite matrix (n, n), which is lost; right-hand side in, solution out. */

@@ -57,8 +57,32 @@ static double widest_gap(const bd_plan *plan, const bd_joint *joints, int *link)
   return sqrt(widest) / plan->model->info.link_length;
 }
 
+/* Cells hold all of a belt, and none holds nothing. */
+static int check_cells(const bd_plan *plan, const double *y, bd_error *err, double t) {
+  const double ROUNDING = 1e-9;
+  const bd_layout *lay = &plan->model->lay;
+  const double *m = bd_find_field(lay, y, F_M), length = plan->model->belt.length;
+  double sum = 0.0;
+  for (int c = 0; m && c < lay->n; ++c) {
+    sum += m[c];
+    if (!(m[c] > 0.0)) {
+      return bd_fail_at(err, BD_ERR_STATE, "initial", t, c, -1, m[c],
+                        "the initial state has %g m of belt in cell %d, which must be > 0", m[c],
+                        c);
+    }
+  }
+  if (m && !(fabs(sum - length) <= ROUNDING * length)) {
+    return bd_fail_at(err, BD_ERR_STATE, "initial", t, -1, -1, sum,
+                      "the initial state does not belong to this belt: its cells hold %.10g m of "
+                      "it, of %.10g m",
+                      sum, length);
+  }
+  return BD_OK;
+}
+
 int bd_guard_initial(const bd_plan *plan, const double *y, bd_error *err, double t) {
   int link;
+  BD_TRY(check_cells(plan, y, err, t));
   const double gap = widest_gap(plan, bd_joints(plan, y, 0), &link);
   if (gap > 1.0) {
     return bd_fail_at(

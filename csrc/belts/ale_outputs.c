@@ -1,0 +1,224 @@
+/* SPDX-License-Identifier: MIT
+ *
+ * Outputs of the ALE belt at any state, its energy, and how errors of steps are measured: functions
+ * of its row (ale_row.c).
+ */
+#include <math.h>
+
+#include "belts/belts.h"
+
+/* All cells; of a span's those that its mesh has not. */
+void bd_ale_joints_at(const bd_plan *plan, const double *y, const double *co, const double *si,
+                      bd_joint *out) {
+  const bd_model *model = plan->model;
+  const bd_ale *ale = bd_ale_look(plan, y);
+  (void)co, (void)si;
+  for (int c = 0; c < model->lay.n; ++c) {
+    const int k = plan->ale->slot[c];
+    const double strain = ale->stretch[k] - 1.0, alike = strain * model->info.link_length;
+    out[c] = (bd_joint){
+        .along = strain * plan->ale->y.m[k], .squared = alike * alike, .force = ale->tension[k]};
+  }
+}
+
+double bd_ale_push(const bd_plan *plan, const double *y, int j, double force[2]) {
+  const bd_ale_arc *arc = &bd_ale_look(plan, y)->arcs[j];
+  force[0] = -arc->force[0];
+  force[1] = -arc->force[1];
+  return arc->torque;
+}
+
+/* Of a cell of an arc both ends together, counter-clockwise. */
+static void rubbing(const bd_ale *ale, int j, int slot, double out[4]) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const double share = ale->share_a[slot] + ale->share_b[slot];
+  const double normal = 0.5 * fmax(0.0, ale->pressing[slot]) * arc->cell_angle * share;
+  const double friction = arc->sense * (ale->force_a[slot] + ale->force_b[slot]);
+  const double rho = arc->radius + arc->raised - ale->sink[slot];
+  out[0] = normal;
+  out[1] = friction;
+  out[2] = normal > 0.0 ? friction / normal : 0.0;
+  out[3] = arc->sense * 0.5 * (ale->slid[slot] + ale->slid[slot + 1]) - arc->axis.omega * rho;
+}
+
+/* Where cells begin, and how the belt moves there; what flows through the first of them. */
+static void node_outputs(const bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+  const bd_model *model = plan->model;
+  const bd_layout *lay = &model->lay;
+  const bd_ale *ale = &plan->ale->ale;
+  for (int i = 0, c = 0; i < lay->np; ++i) {
+    const int j = ale->arcs[i].next, last = c + ale->arcs[j].n;
+    for (int first = c; c <= last; ++c) {
+      const bd_ale_arc *arc = &ale->arcs[c == first ? i : j]; /* where a span begins an arc ends */
+      const int slot = plan->ale->slot[c];
+      const size_t at = k * (size_t)lay->n + (size_t)c;
+      const double v = plan->ale->y.v[slot], tx = ale->tx[slot], ty = ale->ty[slot];
+      const double nx = ale->direction * ty, ny = -ale->direction * tx;
+      const double lift = arc->side * arc->radius;
+      bd_put(out->x, at, arc->axis.c[0] + lift * nx + model->origin[0]);
+      bd_put(out->y, at, arc->axis.c[1] + lift * ny + model->origin[1]);
+      bd_put(out->vx, at, v * tx + ale->across[slot] * nx);
+      bd_put(out->vy, at, v * ty + ale->across[slot] * ny);
+    }
+  }
+  bd_put(out->flow, k, ale->flow[plan->ale->slot[0]]);
+  for (int m = 0; m < lay->n_modes; ++m) {
+    bd_put(out->deflection, k * (size_t)lay->n_modes + (size_t)m, y[lay->a + m]);
+  }
+}
+
+void bd_ale_contact_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+  const bd_layout *lay = &plan->model->lay;
+  const size_t n = (size_t)lay->n, np = (size_t)lay->np;
+  const bd_ale *ale = bd_ale_look(plan, y);
+  double swings = 0.0;
+  node_outputs(plan, y, out, k);
+  for (int i = 0, c = 0; i < lay->np; ++i) {
+    const int j = ale->arcs[i].next, last = c + ale->arcs[j].n;
+    for (int first = c; c <= last; ++c) {
+      const size_t at = k * n + (size_t)c;
+      double value[4] = {0.0, 0.0, 0.0, 0.0};
+      if (c > first) {
+        rubbing(ale, j, plan->ale->slot[c], value);
+      }
+      bd_put(out->normal, at, value[0]);
+      bd_put(out->friction, at, value[1]);
+      bd_put(out->mu, at, value[2]);
+      bd_put(out->velocity, at, value[3]);
+      if (out->pulley) {
+        out->pulley[at] = c > first ? j : -1;
+      }
+    }
+    const size_t pulley = k * np + (size_t)i;
+    bd_put(out->load, 2 * pulley, ale->arcs[i].force[0]);
+    bd_put(out->load, 2 * pulley + 1, ale->arcs[i].force[1]);
+    const int slot = ale->arcs[i].begin + ale->arcs[i].n;
+    bd_put(out->span_tension, pulley, ale->tension[slot]);
+    for (int m = 0; m < lay->modes; ++m) {
+      const double p = y[lay->p + i * lay->modes + m];
+      swings += 0.5 * p * p * plan->ale->y.m[slot];
+    }
+  }
+  bd_put(out->across, k, swings / plan->model->belt.length);
+}
+
+/* Where a cell has its middle against the model's origin, at the mean of its nodes' tangents. */
+static void middle_of(const bd_ale *ale, int j, int slot, double at[2]) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const bd_ale_span *span = &ale->spans[j];
+  const double D = ale->direction, lift = arc->side * (arc->radius - ale->sink[slot] + arc->raised);
+  if (slot < arc->begin + arc->n) {
+    const double tx = ale->tx[slot] + ale->tx[slot + 1], ty = ale->ty[slot] + ale->ty[slot + 1];
+    const double per = lift / hypot(tx, ty);
+    at[0] = arc->axis.c[0] + D * ty * per;
+    at[1] = arc->axis.c[1] - D * tx * per;
+    return;
+  }
+  const double raised = arc->side * arc->line_radius, half = 0.5 * span->length;
+  at[0] = arc->axis.c[0] + raised * span->n[0] + half * span->e[0];
+  at[1] = arc->axis.c[1] + raised * span->n[1] + half * span->e[1];
+}
+
+static double weighs(const bd_plan *plan, const bd_ale *ale) {
+  const bd_model *model = plan->model;
+  const bd_ale_state *y = &plan->ale->y;
+  double sum = 0.0;
+  for (int j = 0; j < ale->np; ++j) {
+    const bd_ale_arc *arc = &ale->arcs[j];
+    const double of_span = y->m[arc->begin + arc->n];
+    for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
+      double at[2];
+      middle_of(ale, j, k, at);
+      sum += y->m[k] * (model->gravity[0] * (at[0] + model->origin[0]) +
+                        model->gravity[1] * (at[1] + model->origin[1]));
+    }
+    for (int n = 0; n < ale->modes; ++n) {
+      sum += of_span * 2.0 * ale->odd[n] * ale->spans[j].sag * y->a[j * ale->modes + n];
+    }
+  }
+  return -ale->density * sum;
+}
+
+void bd_ale_stored(const bd_plan *plan, const double *y, const bd_joint *unused,
+                   double terms[BD_N_ENERGY]) {
+  const bd_ale *ale = bd_ale_look(plan, y);
+  const bd_ale_energy has = bd_ale_energy_of(ale, &plan->ale->y);
+  (void)unused;
+  terms[BD_ENERGY_kinetic] += has.kinetic + has.lateral;
+  terms[BD_ENERGY_axial] += has.axial;
+  terms[BD_ENERGY_bending] += has.bending;
+  terms[BD_ENERGY_contact] += has.contact;
+  terms[BD_ENERGY_gravity] += plan->model->has_gravity ? weighs(plan, ale) : 0.0;
+}
+
+/* Of stretches, on cells of one length. */
+double bd_ale_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v) {
+  const bd_ale *one = bd_ale_look(plan, y), *two = bd_ale_look(other, v);
+  const double length = plan->model->info.link_length;
+  double sum = 0.0;
+  for (int c = 0; c < plan->model->lay.n; ++c) {
+    const int k = plan->ale->slot[c];
+    const double off = length * (one->stretch[k] - two->stretch[k]);
+    sum += off * off;
+  }
+  return sum;
+}
+
+/* --- errors ----------------------------------------------------------------------------------- */
+
+/* Groups of unknowns, none of which may err by more than is asked, however many others there are.
+ */
+enum { OF_ARCS, OF_SPANS, OF_MODES, OF_BODIES, GROUPS };
+
+typedef struct errors {
+  const bd_step_sum *of;
+  double sum[GROUPS], count[GROUPS];
+} errors;
+
+static void add_error(errors *at, int group, size_t entry, double counts) {
+  double off = 0.0;
+  for (int j = 0; j < at->of->m; ++j) {
+    off += at->of->a[j] * at->of->k[j][entry];
+  }
+  off *= at->of->h * at->of->weights[entry];
+  at->sum[group] += counts * off * off;
+  at->count[group] += counts;
+}
+
+/* States of friction count by what of the normal force acts there: where nothing does, they are 0
+ * after each step. */
+double bd_ale_error(const bd_plan *plan, const bd_step_sum *of) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_ale *ale = &plan->ale->ale;
+  errors at = {.of = of};
+  for (int i = 0, c = 0; i < lay->np; ++i) {
+    const bd_ale_arc *arc = &ale->arcs[ale->arcs[i].next];
+    add_error(&at, OF_SPANS, (size_t)(lay->m + c), 1.0);
+    add_error(&at, OF_SPANS, (size_t)(lay->v + c), 1.0);
+    for (int k = 0; k < arc->n; ++k) {
+      ++c;
+      add_error(&at, OF_ARCS, (size_t)(lay->m + c), 1.0);
+      add_error(&at, k > 0 ? OF_ARCS : OF_SPANS, (size_t)(lay->v + c), 1.0);
+      for (int e = 0; e < 2 * arc->states; ++e) {
+        const int end = e / arc->states, row = end * lay->states + e % arc->states;
+        const double *share = end == 0 ? ale->share_a : ale->share_b;
+        add_error(&at, OF_ARCS, bd_field_offset(lay, F_MU, row) + (size_t)c,
+                  fmin(1.0, share[arc->begin + k]));
+      }
+    }
+    ++c;
+  }
+  for (int k = 0; k < lay->n_modes; ++k) {
+    add_error(&at, OF_MODES, (size_t)(lay->a + k), 1.0);
+    add_error(&at, OF_MODES, (size_t)(lay->p + k), 1.0);
+  }
+  for (size_t k = (size_t)lay->theta; k < (size_t)lay->a; ++k) {
+    add_error(&at, OF_BODIES, k, of->weights[k] > 0.0 ? 1.0 : 0.0);
+  }
+  double most = 0.0, all = 0.0;
+  for (int group = 0; group < GROUPS; ++group) {
+    most = fmax(most, at.count[group] > 0.0 ? at.sum[group] / at.count[group] : 0.0);
+    all += at.sum[group];
+  }
+  return isfinite(all) ? sqrt(most) : (double)INFINITY;
+}
