@@ -521,7 +521,8 @@ def opening(report: Told) -> list[str]:
 def _against(report: Told) -> str:
     """Say which way the belt runs if that is not the one in which its links are numbered."""
     speed = report.belt_speed or 0.0
-    return f" against the order of its {report.nodes}" if speed < -_STILL else ""
+    nodes = "cells" if cells(report) else "links"
+    return f" against the order of its {nodes}" if speed < -_STILL else ""
 
 
 def _unsteady(report: Told) -> str:
