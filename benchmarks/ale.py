@@ -140,14 +140,15 @@ def reversal() -> History:
 
 
 def seizes() -> History:
-    """U at 63 rad/s, whose large pulley is stopped within 5 ms: gross slip."""
+    """U, EI 0.02, at 63 rad/s, whose large pulley is stopped within 5 ms: gross slip, 60 N left."""
     speed, other = -63.0, -63.0 * 5.0 / 12.0
     motion = {
         0: bd.PiecewiseLinear([0.0, 1.0], [speed, speed]),
         1: bd.PiecewiseLinear([0.0, 0.02, 0.025, 1.0], [other, other, 0.0, 0.0]),
     }
     still = bd.PiecewiseLinear([0.0, 1.0], [0.0, 0.0], pulley=0)
-    return History(drives.scene_u().params, still, 0.06, motion, speed)
+    params = drives.with_belt(drives.scene_u().params, bending_stiffness=0.02)
+    return History(params, still, 0.06, motion, speed)
 
 
 def near_slack() -> History:
