@@ -49,10 +49,6 @@ static void difference(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels 
   const double h = 1e-6 / (of == 0 ? lever / wave : fmax(lever / arc->radius, bends / wave));
   double *column = newton->moved[of] + j * unknowns, *torque = newton->torque_by[of] + j;
   double *push = newton->push_by[of] + j;
-  for (int k = 0; k < np; ++k) {
-    torque[k * np] = ale->arcs[k].torque;
-    push[k * np] = push_of(&ale->arcs[k]);
-  }
   for (int x = 0; x < 2; ++x) {
     if (of == 0) {
       arc->axis.v[x] += h * kept.lever[x];
@@ -73,28 +69,32 @@ static void difference(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels 
   bd_ale_gather(newton, ale, scratch, column);
 }
 
-static void clear(bd_ale_newton *newton, int np, int j, int of) {
-  const int unknowns = newton->ring.unknowns;
+/* What differences are taken from; nothing moves where there is no lever. */
+static void begin(bd_ale_newton *newton, const bd_ale *ale, int j, int of, int differs) {
+  const int unknowns = newton->ring.unknowns, np = ale->np;
   memset(newton->moved[of] + j * unknowns, 0, (size_t)unknowns * sizeof(double));
   for (int k = 0; k < np; ++k) {
-    newton->torque_by[of][k * np + j] = newton->push_by[of][k * np + j] = 0.0;
+    newton->torque_by[of][k * np + j] = differs ? ale->arcs[k].torque : 0.0;
+    newton->push_by[of][k * np + j] = differs ? push_of(&ale->arcs[k]) : 0.0;
   }
+}
+
+static int differs(const bd_ale_axis *axis, int of) {
+  const int moves = axis->lever[0] != 0.0 || axis->lever[1] != 0.0;
+  const int turns = axis->speed != 0.0 && (axis->bend[0] != 0.0 || axis->bend[1] != 0.0);
+  return moves || (of == 1 && turns);
 }
 
 void bd_ale_linearise_axes(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
                            const bd_ale_state *y, const bd_ale_state *dy,
                            const bd_ale_state *scratch) {
-  for (int j = 0; j < ale->np; ++j) {
-    const bd_ale_axis *axis = &ale->arcs[j].axis;
-    const int moves = axis->lever[0] != 0.0 || axis->lever[1] != 0.0;
-    const int turns = axis->speed != 0.0 && (axis->bend[0] != 0.0 || axis->bend[1] != 0.0);
-    for (int of = 0; of < 2; ++of) {
-      if (moves || (of == 1 && turns)) {
-        difference(newton, ale, kernels, y, dy, scratch, j, of);
-        bd_ale_rate(ale, kernels, y, scratch);
-      } else {
-        clear(newton, ale->np, j, of);
-      }
+  for (int k = 0; k < 2 * ale->np; ++k) {
+    begin(newton, ale, k / 2, k % 2, differs(&ale->arcs[k / 2].axis, k % 2));
+  }
+  for (int k = 0; k < 2 * ale->np; ++k) {
+    if (differs(&ale->arcs[k / 2].axis, k % 2)) {
+      difference(newton, ale, kernels, y, dy, scratch, k / 2, k % 2);
     }
   }
+  bd_ale_rate(ale, kernels, y, scratch);
 }

@@ -9,7 +9,7 @@
  * Matrices stand by columns of `lead` rows, fours of them; those behind the block's are 0.
  */
 
-enum { QUAD = 4, LARGEST = (BD_ALE_BLOCK + QUAD - 1) / QUAD * QUAD };
+enum { QUAD = 4, MOST_QUADS = 3, LARGEST = (BD_ALE_BLOCK + QUAD - 1) / QUAD * QUAD };
 
 /* Four rows of a column. */
 #if defined(__AVX2__) && !defined(BD_SCALAR)
@@ -110,7 +110,7 @@ INLINE void multiply_rows(const int quads, const int lead, int k, int m, double 
                           const double *a, const double *b, int lead_b, double *restrict out,
                           const int add) {
   for (int j = 0; j < m; ++j) {
-    quad sum[2] = {quad_none(), quad_none()};
+    quad sum[MOST_QUADS] = {quad_none(), quad_none(), quad_none()};
     add_product(quads, lead, k, a, b + j * lead_b, sum);
     for (int q = 0; q < quads; ++q) {
       double *to = out + j * lead + q * QUAD;
@@ -126,6 +126,8 @@ static void multiply_any(int lead, int k, int m, double factor, const double *a,
     multiply_rows(1, QUAD, k, m, factor, a, b, lead_b, out, add);
   } else if (lead == 2 * QUAD) {
     multiply_rows(2, 2 * QUAD, k, m, factor, a, b, lead_b, out, add);
+  } else if (lead == 3 * QUAD) {
+    multiply_rows(3, 3 * QUAD, k, m, factor, a, b, lead_b, out, add);
   } else {
     for (int i = 0; i < lead; i += QUAD) {
       multiply_rows(1, lead, k, m, factor, a + i, b, lead_b, out + i, add);
@@ -196,6 +198,8 @@ INLINE void invert_four(double *a) {
 static void invert_any(int n, int lead, double *a) {
   if (lead == 2 * QUAD) {
     invert_rows(n, 2, a);
+  } else if (lead == 3 * QUAD) {
+    invert_rows(n, 3, a);
   } else {
     invert_rows(n, lead / QUAD, a);
   }
@@ -302,6 +306,15 @@ INLINE void solve_rows(const bd_ale_ring *ring, int b, const int sides[2], const
   }
 }
 
+INLINE void solve_fours(const bd_ale_ring *ring, int b, const int sides[2], const int back,
+                        const int quads, const int lead, int first, const double *x, double *out) {
+  quad sum[MOST_QUADS] = {quad_none(), quad_none(), quad_none()};
+  solve_rows(ring, b, sides, back, quads, ring->blocks[b].n, lead, first, x, sum);
+  for (int q = 0; q < quads; ++q) {
+    quad_to(out + first + q * QUAD, sum[q]);
+  }
+}
+
 INLINE void solve_block(const bd_ale_ring *ring, int b, const int behind, const int ahead,
                         const int back, double *x) {
   const bd_ale_block *const block = &ring->blocks[b];
@@ -313,17 +326,13 @@ INLINE void solve_block(const bd_ale_ring *ring, int b, const int behind, const 
     quad_to(here, sum);
     return;
   }
-  const int quads = lead == 2 * QUAD ? 2 : 1;
-  for (int i = 0; i < lead; i += quads * QUAD) {
-    quad sum[2] = {quad_none(), quad_none()};
-    if (quads == 2) {
-      solve_rows(ring, b, sides, back, 2, n, 2 * QUAD, 0, x, sum);
-    } else {
-      solve_rows(ring, b, sides, back, 1, n, lead, i, x, sum);
-    }
-    quad_to(out + i, sum[0]);
-    if (quads == 2) {
-      quad_to(out + QUAD, sum[1]);
+  if (lead == 2 * QUAD) {
+    solve_fours(ring, b, sides, back, 2, 2 * QUAD, 0, x, out);
+  } else if (lead == 3 * QUAD) {
+    solve_fours(ring, b, sides, back, 3, 3 * QUAD, 0, x, out);
+  } else {
+    for (int i = 0; i < lead; i += QUAD) {
+      solve_fours(ring, b, sides, back, 1, lead, i, x, out);
     }
   }
   for (int i = 0; i < n; ++i) {

@@ -154,27 +154,55 @@ static void entries_of_bodies(const bd_newton_system *system, const bd_layout *l
   }
 }
 
-/* The row of a body, of forces by the ring's unknowns; NULL: the belt does not touch it. */
-static const double *forces_on(const bd_newton_system *system, const bd_layout *lay, int body) {
-  const bd_ale_newton *newton = &system->ale->newton;
-  const int unknowns = newton->ring.unknowns, m = body - lay->np;
-  if (m >= 0 && m < lay->nm) {
-    return newton->push + lay->mounted[m] * unknowns;
+/* The arc whose belt touches a body; -1: none. */
+static int arc_of(const bd_layout *lay, int body) {
+  if (body >= lay->np && body < lay->np + lay->nm) {
+    return lay->mounted[body - lay->np];
   }
   for (int j = 0; j < lay->np; ++j) {
     if (body == bd_belt_body(lay, j)) {
-      return newton->row + j * unknowns;
+      return j;
     }
   }
-  return NULL;
+  return -1;
 }
 
-static double row(const bd_newton_system *system, const bd_plan *plan, int body, const double *v) {
-  const double *by = forces_on(system, &plan->model->lay, body);
-  double sum = 0.0;
-  for (int u = 0; by && u < system->ale->newton.ring.unknowns; ++u) {
-    sum += by[u] * v[u];
+/* The row of a body, of forces by the ring's unknowns; NULL: the belt does not touch it. */
+static const double *forces_on(const bd_newton_system *system, const bd_layout *lay, int body) {
+  const bd_ale_newton *newton = &system->ale->newton;
+  const int arc = arc_of(lay, body), is_mount = body >= lay->np && body < lay->np + lay->nm;
+  return arc < 0 ? NULL : (is_mount ? newton->push : newton->row) + arc * newton->ring.unknowns;
+}
+
+static double product_of(const double *a, const double *b, int first, int last) {
+  double sum[4] = {0.0}, more = 0.0;
+  for (; first + 4 <= last; first += 4) {
+    for (int k = 0; k < 4; ++k) {
+      sum[k] += a[first + k] * b[first + k];
+    }
   }
+  for (; first < last; ++first) {
+    more += a[first] * b[first];
+  }
+  return (sum[0] + sum[1]) + (sum[2] + sum[3]) + more;
+}
+
+/* Of an arc, both spans beside it and the blocks behind these, which may go round the ring's end.
+ */
+static double row(const bd_newton_system *system, const bd_plan *plan, int body, const double *v) {
+  const bd_ale_newton *newton = &system->ale->newton;
+  const bd_ale_ring *ring = &newton->ring;
+  const double *by = forces_on(system, &plan->model->lay, body);
+  if (!by) {
+    return 0.0;
+  }
+  const bd_ale_arc *arc = &plan->ale->ale.arcs[arc_of(&plan->model->lay, body)];
+  const int before = newton->node_block[arc->begin],
+            after = newton->cell_block[arc->begin + arc->n];
+  const bd_ale_block *last = &ring->blocks[(after + 1) % ring->n];
+  const int from = ring->blocks[(before + ring->n - 1) % ring->n].at, to = last->at + last->n;
+  const double sum = from < to ? product_of(by, v, from, to)
+                               : product_of(by, v, from, ring->unknowns) + product_of(by, v, 0, to);
   return -system->g * sum;
 }
 
@@ -210,13 +238,15 @@ static void finish(const bd_newton_system *system, const bd_plan *plan, int n,
   const struct bd_ale_system *own = system->ale;
   const int unknowns = own->newton.ring.unknowns;
   (void)plan;
+  double *const x = system->x;
   for (int b = 0; b < n; ++b) {
-    for (int u = 0; u < unknowns && factors[b] != 0.0; ++u) {
-      system->x[u] -= factors[b] * columns[b * system->width + u];
+    const double factor = factors[b], *const column = columns + b * system->width;
+    for (int u = 0; factor != 0.0 && u < unknowns; ++u) {
+      x[u] -= factor * column[u];
     }
   }
   for (int u = 0; u < unknowns; ++u) {
-    c[own->entry[u]] = system->x[u];
+    c[own->entry[u]] = x[u];
   }
 }
 
