@@ -192,9 +192,9 @@ FALLING = bd.SpeedTable(1, [0.0, 0.5, 1000.0], [2.0, 0.2, 0.2])
 def test_a_pulley_breaks_loose_when_it_does(
     method: str, rtol: float, torque: bd.Torque, load: bd.Torque | None
 ) -> None:
-    """Within the error that the run claims: spans were off by up to 40 claims, for a linearised
-    step had the pulley creep on along the slope of its dry friction, unseen by the estimate. The
-    reference is explicit, at a tolerance a thousand times finer.
+    """Within half of the error that the run claims: spans were off by up to 40 claims, for a
+    linearised step had the pulley creep on along the slope of its dry friction, unseen by the
+    estimate. The reference is explicit, at a tolerance a thousand times finer.
     """
     params = belted(load is not None)
     torque = torque + bd.Viscous([0.0, 0.5]) + (load or bd.Viscous([0.0, 0.0]))
@@ -203,7 +203,7 @@ def test_a_pulley_breaks_loose_when_it_does(
     result = bd.simulate(params, torque, 0.02, method=method, rtol=rtol, **run)
     off = np.sqrt(np.mean((result.joints.force - exact) ** 2)) / exact.mean()
     assert result.stats.error is not None
-    assert off <= result.stats.error <= 2.0 * rtol
+    assert 2.0 * off <= result.stats.error <= 2.0 * rtol
 
 
 DRAGS = (bd.Drag(coulomb=3.0, viscous=0.1, quadratic=0.02), bd.Drag(viscous=0.3))
