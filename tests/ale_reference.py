@@ -87,13 +87,15 @@ class Ale(Mesh):
         first, last = k[:, None], np.roll(k, -1)[:, None]
         waves = self.modes * math.pi / span[..., None]
         found = 0.5 * self.bending_stiffness * waves * (first - (-1.0) ** self.modes * last)
+        found = self.driven * found
         return found if self.end_moments else 0.0 * found
 
     def offset(self, span: Array) -> Array:
         """b_n, of the line at R_g from that at R."""
         waves = self.modes * math.pi / span[..., None]
         raised = 1.0 if self.line_raised else 0.0
-        return raised * self.end_moment(span) / (0.5 * span[..., None] * self.h_0 * waves**2)
+        moment = self.end_moment(span) / self.driven
+        return raised * moment / (0.5 * span[..., None] * self.h_0 * waves**2)
 
     def rest_modes(self, h: Array, span: Array) -> Array:
         """A_n(H), where the modes of a span rest, from the line at R."""

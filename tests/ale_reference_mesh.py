@@ -237,6 +237,13 @@ class Mesh:
             wave = (self.modes * math.pi + 2.0 * ends) / (length + 2.0 * reach)
         stiff = self.h_0 * (wave**2 - straight**2) + self.bending_stiffness * wave**4
         put("stiff", stiff / straight**4 if self.clamped else self.bending_stiffness)
+        put("driven", np.ones_like(wave))
+        if self.clamped and reach > 0.0:  # by what is bent to e^(-x/l)/R there, of their own mass
+            u2 = (wave * reach) ** 2
+            root, both = np.sqrt(1.0 + u2), 1.0 + 2.0 * u2
+            works = 2.0 * (root - 1.0) * np.sqrt(both) / (root**2 * u2) * wave / straight
+            mass = 1.0 + 2.0 * reach / length * (1.0 - root / both + u2 / (both * root))
+            put("driven", works * (1.0 + self.stiff * straight**2 / self.h_0) / np.sqrt(mass))
         k = self.s / self.radii
         put("tilt", 0.5 * self.bending_stiffness * (k - np.roll(k, -1)))  # o H
 

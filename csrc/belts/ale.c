@@ -139,7 +139,8 @@ static void make_modes(bd_ale *ale) {
 }
 
 /* Waves of a span end in the wraps, clamped l beyond the tangent points: by their length the
- * bending stiffness that sine modes of its own length have to have. */
+ * bending stiffness that sine modes of its own length have to have. In the wraps the belt is bent
+ * to exp(-x / l) / R, what H changes of that drives the waves. */
 static void stiffen_modes(const bd_ale *ale, bd_ale_span *span, double length) {
   const double EI = ale->bending, H = ale->rest, reach = sqrt(EI / H);
   for (int n = 0; n < ale->modes; ++n) {
@@ -151,6 +152,13 @@ static void stiffen_modes(const bd_ale *ale, bd_ale_span *span, double length) {
     }
     const double square = straight * straight;
     span->stiff[n] = (H * (wave * wave - square) + EI * pow(wave, 4)) / (square * square);
+    span->driven[n] = 1.0;
+    if (EI > 0.0) {
+      const double u2 = wave * wave * reach * reach, root = sqrt(1.0 + u2), both = 1.0 + 2.0 * u2;
+      const double works = 2.0 * (root - 1.0) * sqrt(both) / (root * root * u2);
+      const double mass = 1.0 + 2.0 * reach / length * (1.0 - root / both + u2 / (both * root));
+      span->driven[n] = works * wave / straight * (1.0 + span->stiff[n] * square / H) / sqrt(mass);
+    }
   }
 }
 

@@ -53,9 +53,11 @@ typedef struct bd_ale_arc {
 /* From pulley i, by whose number it goes, to the next one. */
 typedef struct bd_ale_span {
   /* constant */
-  double curvature[2];        /* s / R of both pulleys */
-  double tilt;                /* o H: by how much their offsets of the line differ, times H */
-  double stiff[BD_ALE_MODES]; /* EI as the modes have it, whose waves end clamped in the wraps */
+  double curvature[2]; /* s / R of both pulleys */
+  double tilt;         /* o H: by how much their offsets of the line differ, times H */
+  /* EI as the modes have it, whose waves end clamped in the wraps; by how much bending there
+   * drives them more than moments at their ends would */
+  double stiff[BD_ALE_MODES], driven[BD_ALE_MODES];
   const bd_ale_table *table;
   /* geometry */
   double length, rate, e[2], n[2], turning;

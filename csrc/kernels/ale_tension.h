@@ -26,8 +26,10 @@ INLINE void place_span(bd_ale *ale, int i) {
   for (int n = 0; n < ale->modes; ++n) {
     const double wave = (n + 1) * BD_PI / length, sign = n % 2 == 0 ? -1.0 : 1.0;
     span->wave[n] = wave;
-    span->moment[n] = 0.5 * ale->bending * wave * (span->curvature[0] - sign * span->curvature[1]);
-    span->offset[n] = span->moment[n] / (0.5 * length * ale->rest * wave * wave);
+    const double moment =
+        0.5 * ale->bending * wave * (span->curvature[0] - sign * span->curvature[1]);
+    span->moment[n] = span->driven[n] * moment;
+    span->offset[n] = moment / (0.5 * length * ale->rest * wave * wave);
     span->moved[n] = ale->parts[0][n] * first + ale->parts[1][n] * last;
   }
 }
