@@ -66,8 +66,8 @@ def refused_by_all(model, state, kind, message):
             use()
 
 
-OF_SOME = ("MOUNTS", "COUPLINGS")
-#: What a drive without mounts has; what it has none of may be left out.
+OF_SOME = ("MOUNTS", "COUPLINGS", "CELLS", "MODES", "FLOW")
+#: What a drive of links without mounts has; what it has none of may be left out.
 FIELDS = [row[:2] for row in _core.STATE_FIELDS if row[1] not in OF_SOME]
 
 
@@ -206,7 +206,7 @@ def test_samples(model, rest):
     simulation = make_simulation(model, rest)
     samples = simulation.sample(times)
     times[:] = math.nan
-    widths = dict.fromkeys(("LINKS", "JOINTS", "CONTACT", "FRICTION", "SLIPS"), N_B)
+    widths = dict.fromkeys(("LINKS", "NODES", "JOINTS", "CONTACT", "FRICTION", "SLIPS"), N_B)
     widths |= {"PULLEYS": N_P, "ENERGY": len(model.energy_terms)}
     absent = {"drag_loss", "mount", "mount_loss", "path_work", "coupling", "coupling_loss"}
     columns = [name for name, *_ in _core.ENERGY_TERMS if name not in absent]
