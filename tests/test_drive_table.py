@@ -343,7 +343,8 @@ def scales_of(rates: dict[str, Any], params: bd.Params) -> dict[str, float]:
     pull, half = params.info["strain_tension"], params.info["link_length"] / 2
     scales = {key: float(np.max(np.abs(value), initial=0.0)) for key, value in rates.items()}
     mass = params.info["link_mass"]
-    least = {"vx": pull / mass, "vy": pull / mass, "vphi": 3 * pull / mass / half}
+    least = dict.fromkeys(("vx", "vy", "v", "p"), pull / mass) | {"vphi": 3 * pull / mass / half}
+    least["m"] = float(np.sqrt(pull * 2 * half / mass))  # the speed of waves: flows all but cancel
     least |= {"travel_speed": pull, "mu": 100.0 * max(scales["slip"], scales["mu"], 0.1)}
     return {key: max(scale, least.get(key, 0.0)) for key, scale in scales.items()}
 
