@@ -77,7 +77,8 @@ int bd_warning_accuracy(int code);
 
 /* Discretisations in space (MODEL section 3): the paper's as a whole, with contact of the links'
  * centres; contact of the joints, with the links' mass at their ends; a mesh that stands where the
- * pulleys are, through which the belt flows (arbitrary Lagrangian-Eulerian), of some n_bodies cells.
+ * pulleys are, through which the belt flows (arbitrary Lagrangian-Eulerian), of some n_bodies
+ * cells.
  */
 enum { BD_MESH_PAPER, BD_MESH_JOINT, BD_MESH_ALE };
 
