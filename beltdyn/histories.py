@@ -49,9 +49,15 @@ class Group:
     @classmethod
     def _holding(cls, found: Mapping[str, Any]) -> Self:
         """Make one of these arrays alone; the others were not asked for."""
-        group = cls(**{**dict.fromkeys(cls.array_names()), **found})
-        for name in set(cls.array_names()) - set(found):
+        fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
+        later = {field.name for field in fields if not field.init}
+        first = {name: found[name] for name in found if name not in later}
+        own = [name for name in cls.array_names() if name not in later]
+        group = cls(**{**dict.fromkeys(own), **first})
+        for name in set(own) - set(found):
             object.__delattr__(group, name)
+        for name in later & set(found):
+            object.__setattr__(group, name, found[name])
         return group
 
     def __getattr__(self, name: str) -> NoReturn:
@@ -153,8 +159,9 @@ class BeltHistory(Group):
     vx: Array
     vy: Array
     vphi: Array
-    flow: Array
-    passed: Array
+    # not of links, whose histories attrs.evolve takes without
+    flow: Array = attrs.field(init=False)
+    passed: Array = attrs.field(init=False)
 
 
 @attrs.frozen(eq=False, repr=False)
@@ -167,7 +174,7 @@ class SpanHistory(Group):
             positive outwards of the loop.
     """
 
-    deflection: Array
+    deflection: Array = attrs.field(init=False)
 
 
 @attrs.frozen(eq=False, repr=False)

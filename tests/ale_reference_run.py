@@ -322,6 +322,8 @@ def steady(model: Ale, y: Array, first: float = 1e-3, n: int = 60, tol: float = 
         y = y.copy()
         y[free] += step * scale[free]
         y = bounded(model, y)
+        cuts = model.axial(y, model.geometry(0.0, y)).cuts  # what does not lie has no friction
+        y[model.layout["z"][0]] = (model.get(y, "z") * (cuts[1] > cuts[0])).ravel()
         h = min(h * 4.0, 1e6)
         if most < tol and h > 1.0:
             steady.steps = k + 1  # type: ignore[attr-defined]

@@ -107,7 +107,7 @@ def modes(
     if params._belt_facts["flows"]:
         phases = 1
     if n > params.n_bodies:
-        nodes = params._belt_facts["nodes"]
+        nodes = "cells" if params._belt_facts["flows"] else "links"
         raise ValueError(
             f"n must be at most {params.n_bodies}, the number of {nodes}, got {n}: modes beyond "
             f"have waves shorter than two {nodes}, which the mesh makes and no belt; more {nodes} "
