@@ -301,6 +301,8 @@ typedef struct bd_label {
 } bd_label;
 
 bd_label bd_pulley_label(const bd_model *model, int pulley);
+/* Of what has states of its own along the belt: a link, or a cell. */
+bd_label bd_body_label(const bd_model *model, int body);
 
 /* The tight belt line at one pulley: the angle seen from its axis at which the belt arrives, and
  * that over which it lies, > 0, so that it leaves at arrive + sense wrap [rad]; the sense in which

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * The row of the ALE belt: a mesh that stands where the pulleys are, through which the belt flows
- * (MODEL, "A belt that flows"). The state vector has its cells one after the other, span 0, arc 1,
+ * (MODEL section 11). The state vector has its cells one after the other, span 0, arc 1,
  * span 1, ..., arc 0, each with the node where it begins; the kernels have them in slabs of slots
  * (kernels/ale.h), into which a state is copied and out of which its rates are.
  */

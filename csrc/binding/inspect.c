@@ -105,7 +105,7 @@ static PyObject *warning_dict(const bd_warning *w, const bd_model *model) {
   if (w->pulley >= 0) {
     where = bd_pulley_label(model, w->pulley);
   } else if (w->body >= 0) {
-    PyOS_snprintf(where.text, sizeof where.text, "link %d", w->body);
+    where = bd_body_label(model, w->body);
   }
   PyObject *t = isnan(w->t) ? Py_NewRef(Py_None) : PyFloat_FromDouble(w->t);
   return t ? Py_BuildValue("{s:s, s:s, s:N, s:s, s:O}", "code", bd_warning_code(w->code), "text",

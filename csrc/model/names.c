@@ -68,6 +68,13 @@ bd_label bd_pulley_label(const bd_model *model, int pulley) {
   return label;
 }
 
+bd_label bd_body_label(const bd_model *model, int body) {
+  bd_label label;
+  snprintf(label.text, sizeof label.text, "%s %d", model->belt_model->facts.flows ? "cell" : "link",
+           body);
+  return label;
+}
+
 bd_label bd_pulleys_label(const bd_model *model, int j, int k) {
   bd_label label;
   if (is_named(model, j) || is_named(model, k)) {

@@ -8,12 +8,8 @@
 #include "run/run.h"
 
 static bd_label place(const bd_sim *sim, int body, int pulley) {
-  if (pulley >= 0) {
-    return bd_pulley_label(sim->stepper.model, pulley);
-  }
-  bd_label link;
-  snprintf(link.text, sizeof link.text, "link %d", body);
-  return link;
+  const bd_model *model = sim->stepper.model;
+  return pulley >= 0 ? bd_pulley_label(model, pulley) : bd_body_label(model, body);
 }
 
 /* A fixed step beyond the stability limit shows as links that sank into a pulley or as numbers that
