@@ -158,7 +158,8 @@ ERRORS: dict[str, tuple[Callable[[bd.State], Any], str, str]] = {
         lambda rest: run(rest, max_step=1e-13), "", "set max_steps to go on",
     ),
     "BD_ERR_FIXED_STEP": (
-        lambda rest: run(rest, method="rk4", step=1e-4), "link 49", "take a shorter step",
+        lambda rest: run(rest, method="rk4", step=1e-4), r"most in \w+ of link \d+",
+        "take a shorter step",
     ),
     "BD_ERR_MAX_STEPS": (lambda rest: run(rest, max_steps=5), "", "raise max_steps"),
     "BD_ERR_INVARIANT": (lambda _: tampered(slip=1e-6), "link", "please report it"),
