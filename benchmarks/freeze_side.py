@@ -422,7 +422,42 @@ def warned() -> dict[str, Callable[[], bd.Params | bd.Result]]:
         "beyond_table": run(
             bd.SpeedTable(0, [1.0, 8.0], [0.0, 0.0]), 0.001, initial=turning
         ),
-    }  # fmt: skip
+    } | (warned_of_cells() if any(map(can_be, ALE)) else {})  # fmt: skip
+
+
+#: Drives whose belts flow through cells, which builds before them cannot have.
+ALE = tuple(name for name in table.names() if name.startswith("ale-"))
+
+
+def warned_of_cells() -> dict[str, Callable[[], bd.Params | bd.Result]]:
+    """Drives and runs of ALE belts near their limits."""
+    belt = bd.Belt(
+        mesh="ale", preload=320.0, linear_density=0.1, axial_stiffness=60e3, axial_damping=20.0,
+        bending_stiffness=0.02,
+    )  # fmt: skip
+    pulleys = [
+        bd.Pulley(center=(x, 0.0), radius=r, inertia=0.01) for x, r in ((0.0, 0.05), (0.5, 0.08))
+    ]
+    drive = bd.Params(belt=belt, pulleys=pulleys, friction=bd.Dahl(mu_k=3.0, sigma=1e4))
+    still = bd.Viscous([0.0, 0.0])
+
+    def run(torque: Any, t_end: float, speed: float) -> Callable[[], bd.Result]:
+        motion = {0: bd.PiecewiseLinear([0.0], [speed])}
+        return lambda: bd.simulate(drive, torque, t_end, motion)
+
+    def swinging() -> bd.Result:
+        rest = bd.settle(drive)
+        first = 0.12 * 0.5 / math.pi * (np.arange(rest.a.size) == 0)
+        return bd.simulate(drive, still, 5e-3, initial=attrs.evolve(rest, a=first))
+
+    bent = attrs.evolve(belt, bending_stiffness=0.6)
+    return {
+        "near_limit": lambda: attrs.evolve(drive, belt=bent),
+        "tensioning": lambda: attrs.evolve(drive, tensioning=bd.Tensioning(friction=True)),
+        "near_slack": run(bd.PiecewiseLinear([0.0, 0.2], [[0.0, 0.0], [0.0, -57.0]]), 0.2, 0.0),
+        "span_modes": run(still, 0.01, 900.0),
+        "steep_span": swinging,
+    }
 
 
 def warn_of(name: str, make: Callable[[], bd.Params | bd.Result]) -> set[str]:

@@ -43,7 +43,7 @@ class Axial:
 
 @dataclass(frozen=True)
 class Ale(Mesh):
-    """A belt drive with the equations of the flowing belt."""
+    """A belt drive with the equations of the ALE belt."""
 
     # ---- [2] tension, flow, normal force -----------------------------------------------------
 

@@ -58,7 +58,7 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Mesh:
-    """A belt drive by its data per metre of belt, with the equations of the flowing belt.
+    """A belt drive by its data per metre of belt, with the equations of the ALE belt.
 
     The state is `m` and `v` (N), `z` (states, 2, N_arc), `a` and `p` (n_p, K), `theta`, `omega`
     (n_p), of sprung mounts travel, rate and share of friction (n_m), and the quadratures LEDGER.

@@ -1,4 +1,4 @@
-"""Starts, Jacobian, natural frequencies and runs of the oracle of the flowing belt."""
+"""Starts, Jacobian, natural frequencies and runs of the oracle of the ALE belt."""
 
 from __future__ import annotations
 

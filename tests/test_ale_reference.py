@@ -1,4 +1,4 @@
-"""The oracle of the flowing belt against closed forms, theory and links, before any core has it.
+"""The oracle of the ALE belt against closed forms, theory and links.
 
 What it is held to nobody here wrote: strings that move, the creep of Dahl friction on rigid pulleys
 from its own differential equations, momentum and torque; and the links' own tension and modes.

@@ -150,7 +150,7 @@ static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
 }
 
 /* Metres by what their stretch at rest is worth, speeds by what a wave of it has, modes by a
- * thousandth of their span (FLOWING, section 3). */
+ * thousandth of their span. */
 static void weigh(const bd_model *model, double *weights) {
   const bd_layout *lay = &model->lay;
   const double strain = model->info.strain;
