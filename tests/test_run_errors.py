@@ -191,6 +191,18 @@ def test_every_error_of_a_run_says_when_where_why_and_what_to_try(
     assert done is not None and not done.success and done.message == said
     assert done.final_state.t <= error.t and np.all(np.isfinite(done.final_state.x))
     assert np.all(np.isfinite(done.joints.force[-1]))
+    if symbol == "BD_ERR_FIXED_STEP":  # its last step may err by 20 times the stretch at rest
+        assert np.max(np.abs(done.joints.force[-1])) <= 21.0 * PLAIN.info["strain_tension"]
+
+
+@pytest.mark.parametrize("method", ["lie", "lbdf2"])
+def test_steps_in_place_of_a_fixed_one_are_controlled(rest: bd.State, method: str) -> None:
+    """They stay short while the waves of a belt thrown sideways last, after the steps that failed:
+    steps as long as asked, and some within those that failed, would be 100 and a handful.
+    """
+    result = run(rest, method=method, step=2e-4, t_end=0.02, moved={"vy": rest.vy + 0.02 * WAVE})
+    assert result.stats.rejected > 0 and result.stats.steps > 200
+    assert "fixed_step" in [warning.code for warning in result.warnings]
 
 
 @pytest.mark.parametrize(

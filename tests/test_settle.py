@@ -196,6 +196,15 @@ def test_says_when_it_does_not_come_to_rest(rest: bd.State) -> None:
     assert caught.value.symbol == "BD_ERR_NOT_FINITE"
 
 
+def test_links_that_stay_turned_over_are_no_rest(rest: bd.State) -> None:
+    """Laid with six links of a span turned once round, a third of a turn from each to the next."""
+    middle = np.argmin(np.abs(rest.x - 0.145) + np.abs(rest.y - 0.1))
+    turned = rest.phi + np.clip(2.0 * np.pi - 2.0 * np.abs(np.arange(60) - middle), 0.0, None)
+    with pytest.raises(bd.SimulationError, match=r"link \d+ has turned over") as caught:
+        bd.settle(PLAIN, initial=attrs.evolve(rest, phi=turned))
+    assert caught.value.symbol == "BD_ERR_NOT_SETTLED"
+
+
 @pytest.mark.ci(guard="test_settle.py::test_says_when_it_does_not_come_to_rest")
 def test_a_belt_that_sinks_too_far_ends_in_an_error() -> None:
     """It sinks past half a radius. Its steps became ever shorter, without end."""
