@@ -67,11 +67,8 @@ def compile_objects(folder: Path) -> tuple[list[str], list[Path]]:
     """The core and the machine's limits; the flags, and what is to be linked."""
     constants = setup_constants()
     flags: list[str] = constants["FLAGS"]
-    levels: dict[Path, list[str]] = {Path("csrc/kernels/rhs_baseline.c"): []}
-    if constants["X86"]:
-        levels |= constants["LEVELS"]
-    sources = {p: levels.get(p, []) for p in [*constants["SOURCES"], *levels]
-               if p.parent.name != "binding"}  # fmt: skip
+    levels: dict[Path, list[str]] = constants["LEVELS"]
+    sources = {p: levels.get(p, []) for p in constants["SOURCES"] if p.parent.name != "binding"}
     common = [COMPILER, *flags, *["-DBD_X86_LEVELS=1"][: constants["X86"]], f"-I{CORE}", "-c"]
     objects = []
 
