@@ -286,6 +286,7 @@ INLINE void lay_cell(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_stat
 INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   static const double LEAST = 0.02; /* of a cell that counts */
+  const double least = BD_ALE_LEAST * ale->rest;
   const double whole = arc->radius * arc->wrap, length = whole / arc->n;
   const wrap_end ends[2] = {end_of(ale, arc, arc->before, 0.45 * whole),
                             end_of(ale, arc, j, 0.45 * whole)};
@@ -304,14 +305,18 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
     const int lies = place[1] - place[0] > LEAST * length;
     const double from = lies ? place[0] / length - k : 0.0, to = lies ? place[1] / length - k : 0.0;
     const double part = place[1] - place[0], mean = (sum[1] - sum[0]) / part;
+    /* what is more than H / R is the shear of the free part, by H of the span, not of the cell */
+    const bd_ale_span *span = &ale->spans[2 * k < arc->n ? arc->before : j];
+    const double H = fmax(span->pressing, least);
+    const double more = 2.0 * fmin(2.0, H / fmax(ale->pressing[slot], least));
     if (y) {
       lay_cell(ale, arc, y, slot, from, to, length);
     }
     ale->lies[slot] = lies ? 1.0 : 0.0;
     ale->cut_a[slot] = from;
     ale->cut_b[slot] = lies ? to : 1.0;
-    ale->share_a[slot] = lies ? fmax(0.0, (part + 2.0 * (mean - carried[0])) / length) : 0.0;
-    ale->share_b[slot] = lies ? fmax(0.0, (part + 2.0 * (carried[1] - mean)) / length) : 0.0;
+    ale->share_a[slot] = lies ? fmax(0.0, (part + more * (mean - carried[0])) / length) : 0.0;
+    ale->share_b[slot] = lies ? fmax(0.0, (part + more * (carried[1] - mean)) / length) : 0.0;
   }
 }
 
