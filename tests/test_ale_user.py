@@ -1,6 +1,6 @@
 """What a user has of an ALE belt, ``Belt(mesh="ale")``: results, reports, files, modes, refusals.
 
-The row of the core is held to its oracle by test_ale_row.py and tests/c.
+The row of the core is held to its oracle by test_ale_row.py.
 """
 
 from __future__ import annotations

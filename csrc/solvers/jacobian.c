@@ -20,14 +20,6 @@
 static const double SHORT = 0x1p-200, LONG = 0x1p200; /* s */
 static const double NOTHING = 0x1p-100;               /* in SI units; g J^2 is far below */
 
-/* Where entries are read, from units put into c, laid out as a state. */
-typedef struct reading {
-  bd_newton_system *system;
-  bd_plan *plan;
-  bd_entries *to;
-  double *c;
-} reading;
-
 /* Columns from the entry `first` of a state on: of the nodes of a colour; -1: this one alone. */
 typedef struct columns {
   int first, colour;
@@ -71,13 +63,13 @@ static int column_of(const columns *of, int n, int i) {
   return of->colour >= 0 ? -1 : of->first;
 }
 
-static void clear_bodies(const reading *r) {
+static void clear_bodies(const bd_reading *r) {
   const bd_layout *lay = &r->plan->model->lay;
   memset(r->system->rhs, 0, (size_t)bd_count_bodies(lay) * sizeof *r->system->rhs);
 }
 
 /* 1 in these columns, 0 elsewhere. */
-static void put_units(const reading *r, const columns *of) {
+static void put_units(const bd_reading *r, const columns *of) {
   const bd_layout *lay = &r->plan->model->lay;
   memset(r->c, 0, lay->size * sizeof *r->c);
   clear_bodies(r);
@@ -90,7 +82,7 @@ static void put_units(const reading *r, const columns *of) {
 }
 
 /* Rows of the nodes' velocities: forces by unknowns of the ring, a link's third at its end. */
-static void read_nodes(const reading *r, const columns *of, const double *const *force,
+static void read_nodes(const bd_reading *r, const columns *of, const double *const *force,
                        double factor) {
   const bd_links *links = &r->plan->links;
   const bd_layout *lay = &links->lay;
@@ -105,7 +97,7 @@ static void read_nodes(const reading *r, const columns *of, const double *const 
 }
 
 /* Rows of the states of friction and of slip, by what else is in c. */
-static void read_states(const reading *r, const columns *of) {
+static void read_states(const bd_reading *r, const columns *of) {
   const bd_layout *lay = &r->plan->model->lay;
   bd_newton_restore(r->system, r->plan, r->c);
   for (int field = F_MU; field < F_MU + lay->slots * (lay->states + 1); ++field) {
@@ -119,7 +111,7 @@ static void read_states(const reading *r, const columns *of) {
 }
 
 /* Columns of places, of given states and the like, by which forces are g^2 times what they are. */
-static void read_given(const reading *r, const columns *of) {
+static void read_given(const bd_reading *r, const columns *of) {
   const bd_newton_system *s = r->system;
   put_units(r, of);
   bd_newton_product(r->system, r->plan, r->c);
@@ -127,7 +119,7 @@ static void read_given(const reading *r, const columns *of) {
 }
 
 /* Columns of the places, or of the velocities, of nodes. */
-static void read_moves(const reading *r, int of_rates) {
+static void read_moves(const bd_reading *r, int of_rates) {
   bd_newton_system *s = r->system;
   const bd_layout *lay = &r->plan->model->lay;
   for (int k = 0; k < s->ring_kernels->unknowns; ++k) {
@@ -153,13 +145,13 @@ static void read_moves(const reading *r, int of_rates) {
 /* --- bodies ----------------------------------------------------------------------------------- */
 
 /* The row of a body's speed, -1 if that is prescribed. */
-static int row_of(const reading *r, int body) {
+static int row_of(const bd_reading *r, int body) {
   const bd_freedom freedom = bd_freedom_of(r->plan, body);
   return freedom.prescribed ? -1 : freedom.speed;
 }
 
 /* A body's row by the nodes near pulley j. */
-static void read_row(const reading *r, int body, int j) {
+static void read_row(const bd_reading *r, int body, int j) {
   const bd_newton_system *s = r->system;
   const bd_layout *lay = &r->plan->model->lay;
   const bd_run *runs = s->at.runs + j * s->at.max_runs;
@@ -179,7 +171,7 @@ static void read_row(const reading *r, int body, int j) {
 
 /* Rows of the body on which the belt runs at pulley j, and of that with which its axis moves, by
  * states of friction. */
-static void read_friction(const reading *r, int body, int j) {
+static void read_friction(const bd_reading *r, int body, int j) {
   const bd_newton_system *s = r->system;
   const bd_layout *lay = &r->plan->model->lay;
   const bd_contact_pulley *pulley = &s->at.contact_pulleys[j];
@@ -204,7 +196,7 @@ static void read_friction(const reading *r, int body, int j) {
   }
 }
 
-static void read_bodies(const reading *r) {
+static void read_bodies(const bd_reading *r) {
   bd_newton_system *s = r->system;
   const bd_layout *lay = &r->plan->model->lay;
   const int bodies = bd_count_bodies(lay);
@@ -236,7 +228,8 @@ static void read_bodies(const reading *r) {
 }
 
 /* Columns of what bodies have beside their speeds, and its rows. */
-static void read_single(const reading *r, int first) {
+static void read_single(const void *reading, int first) {
+  const bd_reading *r = reading;
   const bd_newton_system *s = r->system;
   const bd_layout *lay = &r->plan->model->lay;
   const columns of = {first, -1};
@@ -249,18 +242,14 @@ static void read_single(const reading *r, int first) {
   read_states(r, &of);
 }
 
-static void put_entry(const void *reading_, int row, int column, double value) {
-  const reading *r = reading_;
+static void put_entry(const void *reading, int row, int column, double value) {
+  const bd_reading *r = reading;
   bd_newton_put(r->to, row, column, value);
 }
 
-static void put_column(const void *reading_, int state) {
-  read_single(reading_, state);
-}
-
-static void read_states_of_effects(const reading *r) {
+void bd_newton_put_states(const bd_reading *r, void (*column)(const void *reading, int state)) {
   const bd_plan *plan = r->plan;
-  const bd_state_entries to = {put_entry, put_column, r};
+  const bd_state_entries to = {put_entry, column, r};
   for (int k = 0; k < plan->n_effects; ++k) {
     if (plan->effects[k]->states) {
       plan->effects[k]->states(&r->system->at, &plan->model->lay, &to);
@@ -271,7 +260,7 @@ static void read_states_of_effects(const reading *r) {
 /* --- all ------------------------------------------------------------------------------------- */
 
 /* At which rate states of friction decay. */
-static void read_decay(const reading *r) {
+static void read_decay(const bd_reading *r) {
   const bd_newton_system *s = r->system;
   const bd_layout *lay = &r->plan->model->lay;
   for (int j = 0; j < lay->np; ++j) {
@@ -292,7 +281,7 @@ static void read_decay(const reading *r) {
 void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, double *c,
                        bd_entries *to) {
   const bd_layout *lay = &plan->model->lay;
-  const reading r = {system, plan, to, c};
+  const bd_reading r = {system, plan, to, c};
   const double mass = plan->model->info.link_mass;
   bd_newton_fill(system, plan, y, LONG, 0.0, NULL, mass);
   read_decay(&r);
@@ -313,5 +302,5 @@ void bd_newton_entries(bd_newton_system *system, bd_plan *plan, double *y, doubl
     bd_newton_put(to, lay->theta + j, lay->omega + j, 1.0);
   }
   read_bodies(&r);
-  read_states_of_effects(&r);
+  bd_newton_put_states(&r, read_single);
 }

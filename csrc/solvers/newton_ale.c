@@ -256,17 +256,10 @@ static void restore(const bd_newton_system *system, const bd_plan *plan, double 
 
 /* --- entries of the Jacobian ------------------------------------------------------------------ */
 
-typedef struct reading {
-  bd_newton_system *system;
-  bd_plan *plan;
-  bd_entries *to;
-  double *c;
-} reading;
-
 static const double SHORT = 0x1p-200; /* s: a power of two, which costs no digit */
 
 /* What bodies are moved by, forces in system->off, by one column; those in rhs are over g^2. */
-static void put_forces(const reading *r, int column) {
+static void put_forces(const bd_reading *r, int column) {
   const bd_layout *lay = &r->plan->model->lay;
   double *force = r->system->off;
   for (int m = 0; m < lay->nm; ++m) {
@@ -283,12 +276,8 @@ static void put_forces(const reading *r, int column) {
   }
 }
 
-static void put_entry(const void *reading_, int row_, int column, double value) {
-  bd_newton_put(((const reading *)reading_)->to, row_, column, value);
-}
-
-static void put_column(const void *reading_, int state) {
-  const reading *r = reading_;
+static void put_column(const void *reading, int state) {
+  const bd_reading *r = reading;
   const bd_layout *lay = &r->plan->model->lay;
   const struct bd_ale_system *own = r->system->ale;
   memset(r->c, 0, lay->size * sizeof *r->c);
@@ -303,7 +292,7 @@ static void put_column(const void *reading_, int state) {
   put_forces(r, state);
 }
 
-static void put_blocks(const reading *r) {
+static void put_blocks(const bd_reading *r) {
   const struct bd_ale_system *own = r->system->ale;
   const bd_ale_ring *ring = &own->newton.ring;
   for (int b = 0; b < ring->n; ++b) {
@@ -325,7 +314,7 @@ static void entries(bd_newton_system *system, bd_plan *plan, double *y, double *
                     struct bd_entries *to) {
   const bd_layout *lay = &plan->model->lay;
   const struct bd_ale_system *own = system->ale;
-  const reading r = {system, plan, to, c};
+  const bd_reading r = {system, plan, to, c};
   const int unknowns = own->newton.ring.unknowns, bodies = bd_count_bodies(lay);
   fill(system, plan, y, SHORT, 0.0, NULL, 0.0);
   put_blocks(&r);
@@ -350,12 +339,7 @@ static void entries(bd_newton_system *system, bd_plan *plan, double *y, double *
     }
     put_forces(&r, column);
   }
-  const bd_state_entries states = {put_entry, put_column, &r};
-  for (int k = 0; k < plan->n_effects; ++k) {
-    if (plan->effects[k]->states) {
-      plan->effects[k]->states(&system->at, lay, &states);
-    }
-  }
+  bd_newton_put_states(&r, put_column);
 }
 
 const bd_newton_belt bd_newton_ale = {.carve = carve,

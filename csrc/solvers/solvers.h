@@ -112,6 +112,16 @@ typedef struct bd_entries {
   double *values;
 } bd_entries;
 
+/* Where entries are read, from units put into c, laid out as a state. */
+typedef struct bd_reading {
+  bd_newton_system *system;
+  bd_plan *plan;
+  bd_entries *to;
+  double *c;
+} bd_reading;
+
+/* Of the effects' own states; `column`: reads the column of a state by which forces go. */
+void bd_newton_put_states(const bd_reading *r, void (*column)(const void *reading, int state));
 /* An entry, if it is not 0; row -1: there is none. */
 void bd_newton_put(bd_entries *to, int row, int column, double value);
 /* At a state that has been linearised, which sets the system up for another g; torques constant,
