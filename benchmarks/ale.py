@@ -1,6 +1,6 @@
 """The ALE belt against creep theory and against links: modes, histories, random drives, cost.
 
-    python benchmarks/ale.py [PART...] [--quick] [--write] [--drives 1000] [--seed 1]
+    python benchmarks/ale.py [PART...] [--quick] [--write] [--count 1000] [--from 1]
 
 Parts, all of them without a name:
 
@@ -11,7 +11,7 @@ modes       natural frequencies at rest, of links extrapolated from 240, 480 and
 histories   span tensions after jumps of load, at four speeds; seven pulleys and an arm; run-up of a
             crossed belt, reversal, a pulley that seizes, a span near slack, slip from rest. Against
             the most links of each drive; beside them fewer links, and the same with rtol 1e-4.
-drives      random drives of mesh_estimate.py to half the critical speed, links at 480.
+random      random drives to half the critical speed for 0.05 s, links at 480.
 methods     CPU time of each method, and what each effect costs.
 
 Errors of histories are rms of span tensions over their mean, the worst span's. References take long
@@ -23,6 +23,7 @@ from __future__ import annotations
 import argparse
 import functools
 import hashlib
+import itertools
 import math
 import sys
 from collections.abc import Callable, Iterable
@@ -40,9 +41,13 @@ from beltdyn.run_warnings import silenced
 sys.path.insert(0, str(common.HERE.parent / "tests"))
 import creep_theory
 import drives
+import random_drives as random_laws
+from random_drives import chance, log_uniform
 
 KEPT = common.HERE.parent / "build" / "ale"
 RTOLS = (1e-2, 1e-3, 1e-4)
+#: Time of a random drive [s], and most steps of its links.
+SHORT, MOST = 0.05, 50_000
 
 
 def ale(params: bd.Params, cells: int | None = None, **belt: Any) -> bd.Params:
@@ -93,12 +98,15 @@ class History:
                 t_eval=np.linspace(0.0, self.t_end, 1001), **options,
             )  # fmt: skip
 
-    def reference(self, n: int) -> dict[str, np.ndarray]:
-        """Of so many links: tensions, speeds, CPU time, steps; kept."""
+    def reference(self, n: int, **options: Any) -> dict[str, np.ndarray]:
+        """Of so many links: tensions, speeds, CPU time, steps, or why it failed; kept."""
         params = links(self.params, n)
 
         def compute() -> dict[str, Any]:
-            found = self.run(params, rtol=self.exact)
+            try:
+                found = self.run(params, rtol=self.exact, **options)
+            except bd.SimulationError as failure:
+                return {"failure": str(failure)}
             return {
                 "tension": found.span_tension, "omega": found.pulleys.omega,
                 "cpu": found.stats.cpu_time, "steps": found.stats.steps,
@@ -329,45 +337,91 @@ def moving_string(shares: Iterable[float]) -> list[str]:
 # ---------------------------------------------------------------- random drives
 
 
-def random_drives(seed: int, count: int, n: int) -> list[str]:
-    found: dict[float, list[float]] = {rtol: [] for rtol in RTOLS}
-    cpu: dict[str, list[float]] = {"links": [], **{f"{rtol:g}": [] for rtol in RTOLS}}
-    refused, worst, number, done = dict[str, int](), list[tuple[float, str]](), 0, 0
-    while done < count:
-        number += 1
+def drawn(number: int) -> tuple[History, str]:
+    """Draw a drive of mesh_estimate.py with 2, 3, 4 or 5 pulleys by turns; a third with a crossed
+    belt or one more idler on its back, more of them bent, any law, the load soon, half of them with
+    an oscillation.
+    """
+    for attempt in itertools.count():
+        rng = np.random.default_rng([number, attempt])
         try:
-            scene, name = mesh_estimate.draw(np.random.default_rng([seed, number]))
-            params = drives.with_belt(scene.params, n_bodies=n, model="auto")
-            speed = float(scene.motion[0].values[0, 0])
-            history = History(params, scene.torque_fn, scene.t_end, scene.motion, speed, exact=1e-3)
-            exact = history.reference(n)
-        except (ValueError, bd.SimulationError):
+            scene, name = mesh_estimate.draw(rng)
+            params = scene.params
+            before = params.pulleys
+            if len(before) != 2 + number % 4:
+                continue
+            belt, tension = params.belt, params.info["strain_tension"]
+            if belt.bending_stiffness == 0.0 and chance(rng, 0.4):
+                least = min(pulley.radius for pulley in before)
+                bending = tension * least**2 * log_uniform(rng, 1e-3, 0.05)
+                params = drives.with_belt(params, bending_stiffness=bending)
+            if chance(rng, 0.3):
+                law = scene.params.friction
+                mu = getattr(law, "mu_k", None) or law.mu
+                law = random_laws._law(rng, mu, log_uniform(rng, 1e3, 1e5))
+                params = attrs.evolve(params, friction=law)
+            if chance(rng, 1.0 / 3.0):
+                params = random_laws._turned_over(rng, params)
+            links(params, 480).info  # noqa: B018 - a ValueError where it cannot be
+        except ValueError:
             continue
-        done += 1
-        common.progress(f"drive {number} ({done} of {count}): {name}")
-        cpu["links"].append(float(exact["cpu"]) / scene.t_end)
+        break
+    assert isinstance(scene.torque_fn, bd.PiecewiseLinear) and scene.motion is not None
+    omega, load = float(scene.motion[0].values[0, 0]), scene.torque_fn.values[-1]
+    torque = float(load[np.argmax(np.abs(load))])
+    center = before[int(np.argmax(np.abs(load)))].center
+    k = next(k for k, pulley in enumerate(params.pulleys) if pulley.center == center)
+    if params.pulleys[k].side == "outside":  # of a crossed belt
+        torque = -torque
+    on: bd.Torque = bd.PiecewiseLinear([0.0, log_uniform(rng, 5e-4, 0.0125)], [0.0, torque], pulley=k)
+    if chance(rng, 0.5):
+        turning = abs(omega) * params.pulleys[0].radius / params.pulleys[k].radius
+        order = 2.0 * math.pi * log_uniform(rng, 20.0, 200.0) / turning
+        on += bd.Harmonics(k, [order], [0.4 * torque], [-0.5 * math.pi])
+        name += ", oscillating"
+    name += f", EI {params.belt.bending_stiffness:.2g}, {len(params.pulleys)} pulleys"
+    if any(pulley.side == "outside" for pulley in params.pulleys):
+        name += ", turned over"
+    name = name.replace(type(scene.params.friction).__name__, type(params.friction).__name__)
+    return History(params, on, SHORT, {0: scene.motion[0]}, omega, 480, 1e-3), name
+
+
+def random_drives(first: int, count: int, n: int) -> list[str]:
+    found: dict[float, list[tuple[float, int, str]]] = {rtol: [] for rtol in RTOLS}
+    cpu: dict[str, list[float]] = {"links": [], **{f"{rtol:g}": [] for rtol in RTOLS}}
+    refused, without = list[str](), list[str]()
+    for number in range(first, first + count):
+        history, name = drawn(number)
+        common.progress(f"drive {number} of {first + count - 1}: {name}")
+        exact = history.reference(n, max_steps=MOST)
+        if "failure" in exact:
+            without.append(f"{number}: {exact['failure']}")
+            continue
+        cpu["links"].append(float(exact["cpu"]) / SHORT)
         for rtol in RTOLS:
             try:
-                run = history.run(ale(params), rtol=rtol)
+                run = history.run(ale(history.params), rtol=rtol)
             except (ValueError, bd.SimulationError) as failure:
-                reason = f"rtol {rtol:g}: {str(failure)[:70]}"
-                refused[reason] = refused.get(reason, 0) + 1
+                refused.append(f"rtol {rtol:g}, drive {number}: {failure}")
                 continue
-            error = apart(run.span_tension, exact["tension"])[0]
-            found[rtol].append(error)
-            cpu[f"{rtol:g}"].append(run.stats.cpu_time / scene.t_end)
-            worst.append((error, f"drive {number}, rtol {rtol:g}: {name}"))
-    lines = [f"{done} drives of seed {seed}; rms of the worst span over the mean tension, %"]
+            error = 100.0 * apart(run.span_tension, exact["tension"])[0]
+            found[rtol].append((error, number, name))
+            cpu[f"{rtol:g}"].append(run.stats.cpu_time / SHORT)
+    lines = [f"drives {first} to {first + count - 1}; rms of the worst span over mean tension, %"]
     for rtol in RTOLS:
         if found[rtol]:
-            q = 100.0 * np.quantile(found[rtol], (0.1, 0.5, 0.9, 1.0))
+            q = np.quantile([one[0] for one in found[rtol]], (0.1, 0.5, 0.9, 1.0))
             lines.append(
                 f"rtol {rtol:7.0e}: 0.1 {q[0]:.2f}  median {q[1]:.2f}  0.9 {q[2]:.2f}  most"
                 f" {q[3]:.2f}; {len(found[rtol])} run, CPU s/s {np.median(cpu[f'{rtol:g}']):.3f}"
             )
-    lines.append(f"links {n}: CPU s/s {np.median(cpu['links']):.2f}")
-    lines += [f"{times:4d} refused, {reason}" for reason, times in sorted(refused.items())]
-    lines += [f"{100.0 * error:7.2f} %  {name}" for error, name in sorted(worst)[-8:]]
+    lines.append(f"links {n}: CPU s/s {np.median(cpu['links'] or [0.0]):.2f}")
+    lines += [f"{len(without)} without a reference of links", *without]
+    lines += [f"{len(refused)} refused", *refused]
+    for rtol in RTOLS:
+        lines.append(f"the worst ten at {rtol:g}")
+        lines += [f"{off:7.2f} %  {number:4d} {name}" for off, number, name in
+                  sorted(found[rtol])[:-11:-1]]  # fmt: skip
     return lines
 
 
@@ -401,10 +455,10 @@ def methods(scale: float) -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parts = ("creep", "modes", "histories", "drives", "methods")
+    parts = ("creep", "modes", "histories", "random", "methods")
     parser.add_argument("parts", nargs="*", choices=[*parts, []], help="all of them by default")
-    parser.add_argument("--drives", type=int, default=1000, help="random ones, some 10 s each")
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--count", type=int, default=1000, help="random drives, some 2 s each")
+    parser.add_argument("--from", type=int, default=1, dest="first", help="the first of them")
     parser.add_argument("--only", default="", help="drives whose name begins so")
     parser.add_argument("--quick", action="store_true", help="to see that it runs, 10 s")
     parser.add_argument("--write", action="store_true", help="keep the table under results/")
@@ -421,9 +475,9 @@ def main() -> None:
     if "histories" in chosen:
         names = [one for one in HISTORIES if one.startswith(given.only)]
         lines += ["", *histories(names[1:2] if quick else names, 60 if quick else None)]
-    if "drives" in chosen:
-        count, n = (1, 60) if quick else (given.drives, 480)
-        lines += ["", *random_drives(given.seed, count, n)]
+    if "random" in chosen:
+        count, n = (1, 60) if quick else (given.count, 480)
+        lines += ["", *random_drives(given.first, count, n)]
     if "methods" in chosen:
         lines += ["", *methods(0.005 if quick else 0.3)]
     common.publish("ale", lines, given.write)

@@ -47,6 +47,7 @@ warnings.simplefilter("ignore", bd.BeltdynWarning)
 
 QUANTITIES = ("speed", "torque", "tight", "slack")
 LINKS = (24, 30, 36, 48, 60, 80, 120, 240)
+CELLS = (28, 54, 82)
 SETTINGS = (("lbdf2", 1e-1), ("lbdf2", 3e-2), ("lbdf2", 1e-2), ("rodas4", 1e-1), ("rodas4", 1e-3))
 WINDOW = 0.05
 
@@ -99,16 +100,18 @@ class Ours:
     method: str
     rtol: float
     t_end: float
+    mesh: str = "joint"
 
     def run(self) -> tuple[float, bd.Result]:
         scene = bd.scenes.ntarladima_2023(self.links)._replace(t_end=self.t_end)
+        scene = common.with_belt(scene, mesh=self.mesh)
         times = np.linspace(0.0, self.t_end, round(self.t_end / exudyn_model.SAMPLES) + 1)
         begin = time.process_time()
         result = bd.simulate(*scene, t_eval=times, method=self.method, rtol=self.rtol)
         return time.process_time() - begin, result
 
     def row(self, exact: dict[str, float]) -> Row:
-        name = f"{self.method} {self.rtol:g}"
+        name = f"{self.method} {self.rtol:g}{', ALE' if self.mesh == 'ale' else ''}"
         try:
             result = self.run()[1]
         except bd.SimulationError as error:
@@ -225,7 +228,12 @@ def main() -> None:
     exact = theory()
     t_end = 0.1 if options.quick else exudyn_model.T_END
     links = LINKS[:2] if options.quick else LINKS
-    settings = [Ours(n, method, rtol, t_end) for method, rtol in SETTINGS for n in links]
+    settings = [
+        Ours(n, method, rtol, t_end, mesh)
+        for mesh, numbers in (("joint", links), ("ale", CELLS[:1] if options.quick else CELLS))
+        for method, rtol in SETTINGS
+        for n in numbers
+    ]
     jobs = [("Exudyn, tuned", one) for one in exudyn_model.TUNED]
     documented = exudyn_model.DOCUMENTED if full else exudyn_model.DOCUMENTED[:1]
     jobs += [("Exudyn, documented", one) for one in documented]

@@ -3,9 +3,10 @@
     python benchmarks/verify.py [--quick] [--records FILE] [--table] [--write]
 
 The drives are the library's scenes, M (the paper's with 60 N m), U (radii of 50 and 120 mm) and T
-(three pulleys of other sizes), each with both meshes, on its own number of links and on 1.4 times
-as many, and at a looser tolerance. The reference in time is a run on the same mesh with "rodas4" at
-1e-7, in space one of 960 links (480 with --quick). Both errors are taken relative to the scales of
+(three pulleys of other sizes), each with all meshes, on its own number of links or cells and on 1.4
+times as many, and at a looser tolerance. The reference in time is a run on the same mesh with
+"rodas4" at 1e-7, in space one of 960 links (480 with --quick), of the ALE belt of a third as many
+cells. Both errors are taken relative to the scales of
 the run that is judged; errors below a floor, 1e-6 in time and 1e-4 in space, count as the floor.
 Every record goes to a file of JSON lines as soon as it is made; what is there is not run again.
 """
@@ -18,7 +19,7 @@ import math
 import statistics
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ sys.path.insert(0, str(common.HERE.parent / "tests"))
 import drives
 
 Record = dict[str, Any]
+MESHES = ("joint", "paper", "ale")
 FACTOR, TENTH = 3.0, 0.1
 #: Links over those of the scene, and the tolerance.
 VARIANTS = ((1.0, 1e-4), (1.4, 1e-4), (1.0, 2e-3))
@@ -72,7 +74,13 @@ def finest(name: str, mesh: str, links: int) -> Observed:
 
 
 def with_mesh(scene: bd.Scene, mesh: str) -> bd.Scene:
-    return common.with_belt(scene, mesh=mesh)
+    """With the number of links of the scene, or of cells that is chosen."""
+    number = {"n_bodies": None} if mesh == "ale" else {}
+    return common.with_belt(scene, mesh=mesh, **number)
+
+
+def links_of(name: str, mesh: str, factor: float) -> int:
+    return round(factor * with_mesh(DRIVES[name](), mesh).params.n_bodies)
 
 
 def true_errors(run: Observed, reference: Observed) -> dict[str, float]:
@@ -93,7 +101,7 @@ def cost(scene: bd.Scene, rtol: float) -> tuple[bd.Result, dict[str, float]]:
 
 def judge(name: str, mesh: str, factor: float, rtol: float, reference: int) -> Record:
     scene = with_mesh(DRIVES[name](), mesh)
-    links = round(factor * scene.params.belt.n_bodies)
+    links = links_of(name, mesh, factor)
     scene = scene._replace(params=with_links(scene.params, links))
     with silenced():
         result, spent = cost(scene, rtol)
@@ -115,20 +123,21 @@ def key_of(record: Record) -> tuple[Any, ...]:
     return tuple(record[key] for key in ("drive", "mesh", "links", "rtol", "reference"))
 
 
-def study(path: Path, quick: bool) -> list[Record]:
+def study(path: Path, quick: bool, meshes: Sequence[str]) -> list[Record]:
     reference = 480 if quick else 960
     records = common.read_records(path, key_of)
     path.parent.mkdir(parents=True, exist_ok=True)
     chosen = []
     with path.open("a") as out:
         for name in ("M", "U") if quick else DRIVES:
-            for mesh in ("joint", "paper"):
+            for mesh in meshes:
+                finest_of = reference // 3 if mesh == "ale" else reference
                 for factor, rtol in VARIANTS:
-                    links = round(factor * DRIVES[name]().params.belt.n_bodies)
-                    key = (name, mesh, links, rtol, reference)
+                    links = links_of(name, mesh, factor)
+                    key = (name, mesh, links, rtol, finest_of)
                     if key not in records:
                         common.progress(f"{name}, {mesh}, {links} links, rtol = {rtol:g}")
-                        record = judge(name, mesh, factor, rtol, reference)
+                        record = judge(name, mesh, factor, rtol, finest_of)
                         print(json.dumps(record), file=out, flush=True)
                         records[key] = record
                     chosen.append(records[key])
@@ -169,7 +178,7 @@ def table(records: list[Record]) -> list[str]:
             f"{'':28s} cases  within 3   below 1/3   below .1  median",
             share_line("all", [r for *_, r in found]),
         ]
-        for mesh in ("joint", "paper"):
+        for mesh in MESHES:
             lines.append(share_line(mesh, [r for one, _, r in found if one["mesh"] == mesh]))
         for rtol in sorted({record["rtol"] for record in records}):
             chosen = [r for one, _, r in found if one["rtol"] == rtol]
@@ -201,6 +210,7 @@ def table(records: list[Record]) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help="M and U, against 480 links: a minute")
+    parser.add_argument("--mesh", choices=MESHES, nargs="+", default=MESHES, help="only of these")
     parser.add_argument("--write", action="store_true", help="keep the table under results/")
     parser.add_argument("--table", action="store_true", help="only read the records")
     parser.add_argument(
@@ -210,7 +220,7 @@ def main() -> None:
     records = (
         list(common.read_records(given.records, key_of).values())
         if given.table
-        else study(given.records, given.quick)
+        else study(given.records, given.quick, given.mesh)
     )
     lines = ["Estimated errors against true ones", *common.machine(), "", *table(records)]
     common.publish("verify", lines, given.write)
