@@ -69,6 +69,7 @@ def displaced(model: Ale, speed: float, seed: int = 1, amplitude: float = 0.05) 
     return np.asarray(y + off)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("speed", [-63.0, 0.0, 63.0])
 @pytest.mark.parametrize("scene", [scene_u, scene_m, crossed_scene, idler_scene, *MOUNTED])
 def test_its_rate_is_that_of_the_oracle(scene: Any, speed: float) -> None:
@@ -92,6 +93,7 @@ def core_places(model: Ale, params: bd.Params) -> np.ndarray:
     return np.concatenate([core[row[0]] for row in bd._core.STATE_FIELDS]).astype(int) - 1
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("speed", [-63.0, 63.0])
 @pytest.mark.parametrize("scene", [scene_u, idler_scene, *MOUNTED])
 def test_its_jacobian_is_that_of_the_oracle(scene: Any, speed: float) -> None:

@@ -105,7 +105,10 @@ def test_gif(short: bd.plot.Animation, tmp_path: Path) -> None:
         assert image.info["loop"] == 0, "for ever"
     assert seen == [(k, 5) for k in range(5)]
     assert dict(matplotlib.rcParams) == before
-    # mp4
+
+
+@pytest.mark.ci(guard="test_animation.py::test_gif")
+def test_mp4(short: bd.plot.Animation, tmp_path: Path) -> None:
     path = tmp_path / "drive.mp4"
     short.save(path, dpi=41)  # an odd number of pixels, which H.264 does not take
     frames, seconds = imageio_ffmpeg.count_frames_and_secs(str(path))

@@ -97,10 +97,11 @@ class _Theory:
             pull = at_rest * (1.0 + at_rest / self.stiffness)
             self.raised = depth_under(params, pull / self.radii)
         self.arrives = -1 if steady.speed >= 0.0 else 0
+        self.before = np.arange(self.radii.size) - 1
         # Of span k the pulley k + 1 is the next one: tension on arriving is that of span k - 1.
-        self.stretch_in = 1.0 + self._arriving(steady.tension)[steady.driver] / self.stiffness
+        self.stretch_in = 1.0 + steady.tension[steady.driver + self.arrives] / self.stiffness
         pulls = self.less_mass(steady.tension, steady.speed)
-        self.measured = pulls - np.roll(pulls, 1)
+        self.measured = pulls - pulls[self.before]
         per_factor = params.route.senses * steady.torque / self.radii
         if growing is not None:
             per_factor = np.where(np.arange(per_factor.size) == growing, per_factor, 0.0)
@@ -115,9 +116,6 @@ class _Theory:
     def start(self) -> Array:
         """Give the unknowns of the mean state: tension of the last span, travels."""
         return np.concatenate([self.steady.tension[-1:], self.steady.travel[self.free]])
-
-    def _arriving(self, tension: Array) -> Array:
-        return np.roll(tension, 1) if self.arrives == -1 else tension
 
     def less_mass(self, tension: Array, speed: float) -> Array:
         return np.asarray(tension - self.density * speed**2 * (1.0 + tension / self.stiffness))
@@ -139,7 +137,7 @@ class _Theory:
             lost = mass / self.stiffness
             pull = last * (1.0 - lost) - mass + steps
             tension = (pull + mass) / (1.0 - lost)
-            speed = self.speed_at(float(self._arriving(tension)[self.steady.driver]))
+            speed = self.speed_at(float(tension[self.steady.driver + self.arrives]))
         if np.min(pull) <= 0.0:
             raise ValueError("a span would be slack")
         return tension, speed
@@ -169,7 +167,7 @@ class _Theory:
         pull = self.less_mass(tension, speed)
         free = np.sum(way.spans / (1.0 + tension / self.stiffness))
         misfit = [float(free + self._on_pulleys(tension, pull, speed, way)) / self.length]
-        ends = (np.roll(way.arrive, -1, axis=0) - way.leave) / way.spans[:, None]
+        ends = (way.arrive[self.before + 2 - self.radii.size] - way.leave) / way.spans[:, None]
         centers = self.centers(travels)
         for travel, (m, k, mount) in zip(travels, self.moving, strict=True):
             along = mount._direction(centers[k])
@@ -196,14 +194,15 @@ class _Theory:
         """
         if (pull <= 0.0).any():
             raise ValueError("a span would be slack")
-        logs = np.abs(np.log(pull / np.roll(pull, 1)))
+        logs = np.abs(np.log(pull / pull[self.before]))
         return np.divide(logs, self.mu, out=np.where(logs > 0.0, np.inf, 0.0), where=self.mu > 0.0)
 
     def _on_pulleys(self, tension: Array, pull: Array, speed: float, way: Route) -> float:
         """Give the stress-free length of the belt on the pulleys [m]."""
         mass = self.density * speed**2
-        first = self._arriving(pull)
-        last = pull if self.arrives == -1 else np.roll(pull, 1)
+        first, last = pull[self.before], pull
+        if self.arrives == 0:
+            first, last = last, first
         slip = np.minimum(self.slip_angles(pull), way.wraps)
 
         def unstretched(pulls: Array, radii: Array, raised: Array) -> Array:

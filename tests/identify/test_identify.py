@@ -108,9 +108,7 @@ def test_a_start_30_percent_off_leads_to_the_same(rig: bd.Params, targets: list[
         found.interval(95.0)
 
 
-@pytest.mark.ci(
-    guard="identify/test_identify.py::test_runs_may_begin_alike_differ_and_be_done_anywhere"
-)
+@pytest.mark.ci(guard="identify/test_identify.py::test_runs_may_begin_alike")
 def test_numbers_do_as_well_as_curves_and_runs_may_differ(rig: bd.Params) -> None:
     """Two runs, one on softer friction joints, from numbers alone.
 
@@ -157,9 +155,7 @@ def test_how_the_belt_was_tensioned_can_be_found(rig: bd.Params, t_end: float) -
         assert abs(value + 0.002) < 0.1 * std[name]
 
 
-@pytest.mark.ci(
-    guard="identify/test_identify.py::test_runs_may_begin_alike_differ_and_be_done_anywhere"
-)
+@pytest.mark.ci(guard="identify/test_identify.py::test_runs_may_begin_alike")
 def test_the_result_does_not_depend_on_where_runs_are_done(
     rig: bd.Params, targets: list[bd.Target]
 ) -> None:
@@ -184,9 +180,7 @@ def test_the_result_does_not_depend_on_where_runs_are_done(
         identify(start, free, targets, workers=1, executor="threads")
 
 
-@pytest.mark.ci(
-    guard="identify/test_identify.py::test_runs_may_begin_alike_differ_and_be_done_anywhere"
-)
+@pytest.mark.ci(guard="identify/test_identify.py::test_runs_may_begin_alike")
 def test_runs_that_begin_alike_share_their_start_and_torques_may_be_functions(
     rig: bd.Params, rest: bd.State, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -214,10 +208,8 @@ def final(result: bd.Result) -> float:
     return float(result.pulleys.omega[-1, 1])
 
 
-def test_runs_may_begin_alike_differ_and_be_done_anywhere() -> None:
-    """omega = M t/I: of runs with one start, which is made once for both, and torques given either
-    way; of numbers, from different drives, to the same bits in this thread, in others, in bytes.
-    """
+def test_runs_may_begin_alike() -> None:
+    """omega = M t/I: of runs with one start, made once for both, and torques given either way."""
     begun, rest = [], bd.settle(free_pulley(0.02))
 
     def begin(params: bd.Params) -> bd.State:
@@ -233,6 +225,12 @@ def test_runs_may_begin_alike_differ_and_be_done_anywhere() -> None:
     assert found.runs == 2 * (len(begun) - 1)
     assert "without the error of the mesh: initial.x must have shape (40,)" in str(found)
     assert list(found.residuals) == [f"run {k}: pulleys.omega[1]" for k in (1, 2)]
+
+
+@pytest.mark.ci(guard="identify/test_identify.py::test_runs_may_begin_alike")
+def test_runs_may_differ_and_be_done_anywhere() -> None:
+    """Of numbers, from different drives, to the same bits in this thread, in others, in bytes."""
+    constant = bd.PiecewiseLinear([0.0], [[0.0, 3.0]])
     other = {"pulleys[0].inertia": 0.5}
     runs = [
         bd.Experiment(constant, 0.02, name=name, changes=changes)
