@@ -12,6 +12,7 @@ import numpy as np
 from . import html, sanity
 from .averages import LAST, time_weights
 from .checks import Array
+from .columns import columns
 from .histories import ContactHistory, EnergyLedger, JointHistory, Stats
 from .rounding import percent
 from .sanity import Drive
@@ -248,15 +249,7 @@ class Accuracy:
         return "\n".join([html.table_of(heading, rows), *html.paragraphs(self.remarks())])
 
     def __str__(self) -> str:
-        rows = self.table()
-        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-        lines = [
-            "  ".join(
-                [row[0].ljust(widths[0])]
-                + [c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True)]
-            )
-            for row in rows
-        ]
+        lines = columns(self.table(), indent="")
         return "\n".join([*lines, *(f"  {remark}" for remark in self.remarks())])
 
 

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
+import attrs
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core, compliance
 from .checks import Array
-from .parts import Pulley
+from .parts import CHOOSE, Pulley
 from .rounding import percent
 from .route import Route
 from .run_warnings import RunWarning
@@ -22,10 +23,14 @@ from .tensioning import Tensioning
 
 __all__ = [
     "Drive",
+    "cheaper",
     "chosen",
     "describe",
+    "describe_cheaper",
     "errors",
     "finer",
+    "instead",
+    "landings",
     "limits",
     "modes_off",
     "reach",
@@ -51,6 +56,15 @@ WRAP, SPAN = 4.0, 8.0
 #: Of the tension at rest, errors of the lowest frequencies, of so many, and slopes of spans from
 #: which on a run is warned.
 NEAR_SLACK, FAST, LOWEST, STEEP = 0.1, 0.02, 2, 0.1
+#: Steps a second of an ALE belt at an rtol, 600 to 3300 measured, the power of rtol by which they
+#: fall, and the CPU time of one for each cell, in explicit steps of a link.
+STEPS, AT, POWER, STEP = 1800.0, 1e-2, 0.3, 16.0
+#: Implicit steps for each link that lands or leaves, 1.5 to 8 measured; explicit ones over
+#: 1/(spectral bound).
+LANDING, EXPLICIT = 1.5, 2.5
+#: How many times dearer links are before an ALE belt is told of, whose CPU time is known to a
+#: factor of two or three; and of how many explicit steps of a link, 0.05 s, a run is then.
+CHEAPER, WORTH = 10.0, 3e5
 #: Error of a frequency from which on it is not given; what is left free below the first of these.
 AMISS, NEAR = 0.01, 0.97
 
@@ -63,9 +77,14 @@ class Drive(compliance.Drive, Protocol):
         """How the belt is tensioned."""
 
     @property
+    def _belt_facts(self) -> _core.BeltFacts: ...
+    @property
     def _model(self) -> _core.Model: ...
     @property
     def _cells(self) -> NDArray[np.int32]: ...
+
+
+D = TypeVar("D", bound=Drive)
 
 
 def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
@@ -73,6 +92,66 @@ def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
     radii = np.array([pulley.radius for pulley in pulleys])
     length = max(CELL, math.pi * float(radii.max()) / HALF_TURN)
     return 2 * len(pulleys) + math.ceil(float(line.wraps @ radii) / length)
+
+
+def instead(params: D) -> D | None:
+    """Give the drive with an ALE belt in place of links; None: it has one, or cannot well have it.
+
+    Nor has a belt on the paper's mesh, which is there to give the paper's numbers.
+    """
+    if params._belt_facts["flows"] or params._belt_facts["tangents"]:
+        return None
+    try:
+        belt = attrs.evolve(params.belt, mesh=CHOOSE[0], model="auto", n_bodies=None)
+        other: D = attrs.evolve(params, belt=belt)  # type: ignore[misc]
+        return None if any(limits(other)) else other
+    except (TypeError, ValueError):
+        return None
+
+
+def landings(params: Drive, speed: float) -> float:
+    """Give how many links a second land on pulleys, or leave them, at a speed of the belt [m/s]."""
+    places = 2 * len(params.pulleys)
+    return places * abs(speed) * float(params.info["n_bodies"] / params.info["length"])
+
+
+def _work(params: Drive, rtol: float) -> float:
+    """Estimate the CPU time of a second of an ALE belt [explicit steps of a link]."""
+    return STEPS * math.pow(AT / rtol, POWER) * STEP * chosen(params.pulleys, params.route)
+
+
+def cheaper(params: Drive, explicit: float, implicit: float, rtol: float, time: float) -> float:
+    """Estimate how many times cheaper an ALE belt is than a run of links, by the steps of the run.
+
+    Args:
+        params: The drive of links.
+        explicit: Explicit steps of the run.
+        implicit: Implicit ones.
+        rtol: Error asked for.
+        time: How long the run was [s].
+
+    Returns:
+        How many times [1]; 0 below ``CHEAPER``, and of short runs.
+    """
+    spent = params.info["n_bodies"] * (explicit + params._belt_facts["implicit_cost"] * implicit)
+    times = spent / (_work(params, rtol) * time)
+    return times if spent > WORTH and times > CHEAPER else 0.0
+
+
+def describe_cheaper(params: Drive) -> Iterator[str]:
+    """Say from which speed on an ALE belt is ``CHEAPER``, if there is one.
+
+    Implicit steps follow the links that land, explicit ones the stability limit: the cheaper count.
+    """
+    steps = CHEAPER * _work(params, AT) / params.info["n_bodies"]
+    more = max(0.0, steps / params._belt_facts["implicit_cost"] - STEPS)
+    speed = more / (LANDING * landings(params, 1.0))
+    slow = params.info["strain_tension"] > 2.0 * params.belt.linear_density * speed**2
+    if steps < params.info["spectral_bound"] / EXPLICIT and slow and instead(params) is not None:
+        yield (
+            f'CPU time: from about {speed:.2g} m/s on Belt(mesh="{CHOOSE[0]}"), through which the '
+            "belt flows so that no links land, takes about a tenth"
+        )
 
 
 def _on_arcs(params: Drive) -> Array:

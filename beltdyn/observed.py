@@ -19,9 +19,10 @@ from .naming import span_name
 from .outputs import has, unchecked
 from .params import Params
 from .result import Result
+from .rounding import rounded
 from .run_warnings import RunWarning
 
-__all__ = ["observe"]
+__all__ = ["hint", "observe"]
 
 #: A torque this many times 2 T R, what is carried when all tension has gone to one side.
 TORQUE = 10.0
@@ -213,6 +214,35 @@ def _near_limits(result: Result) -> Iterator[RunWarning]:
             where=f"span {name}",
             accuracy=True,
         )
+
+
+def hint(result: Result, rtol: float) -> tuple[str, ...]:
+    """Give a note where an ALE belt would be much cheaper, and describes what the run has shown.
+
+    Args:
+        result: A run whose steps follow the error.
+        rtol: That error.
+    """
+    params, stats, seen = result.params, result.stats, result._running
+    time = float(result.t[-1] - result.t[0]) if result.t.size else 0.0
+    if seen is None or not time > 0.0 or params._belt_facts["flows"]:
+        return ()
+    steps = stats.steps + stats.rejected
+    times = cells.cheaper(params, max(0, steps - stats.nlu), stats.nlu, rtol, time)
+    if not times or (other := cells.instead(params)) is None:
+        return ()
+    tension = result.span_tension if result._has("span_tension") else np.zeros(0)
+    tension = np.where(np.isnan(tension), params.info["strain_tension"], tension)
+    limits = cells.seen(other, tension, np.full(result.t.size, seen.speed), None)
+    if any(code == "near_slack" for code, *_ in limits):
+        return ()
+    figures = times, cells.landings(params, seen.speed), steps / time
+    shown = [f"{rounded(one, None)[0]:g}" for one in figures]
+    return (
+        f'Belt(mesh="ale") would take some {shown[0]} times less CPU time: the belt flows through '
+        f"cells there and no links land; here {shown[1]} a second land on pulleys or leave them, "
+        f"and the run took {shown[2]} steps a second",
+    )
 
 
 def _when(t: Array, lasts: Array, during: NDArray[np.bool_]) -> tuple[float, float, str]:

@@ -15,11 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core, balance, cells, html, naming, preload, sanity, toml
 from . import compliance as sinking
 from .checks import Array
+from .columns import columns
 from .friction import Friction, Frictionless, law_or_none
 from .mounts import Path, Sprung
 from .parts import BELTS, Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
-from .rules import Printable, Rule, instance_of, lines, rules_of
+from .rules import Printable, Rule, instance_of, rules_of
 from .run_warnings import RunWarning
 from .tensioning import Tensioning
 
@@ -355,9 +356,7 @@ class Params:
 
     def __str__(self) -> str:
         head, *remarks = self._remarks()
-        return "\n".join(
-            [head, *lines(self._rows(), indent="  "), *(f"  {one}" for one in remarks)]
-        )
+        return "\n".join([head, *columns(self._rows(), "<"), *(f"  {one}" for one in remarks)])
 
     def _repr_html_(self) -> str:
         head, *remarks = html.paragraphs(self._remarks())
@@ -397,6 +396,7 @@ class Params:
             f"belt line of {info['path_length']:.6g} m: strain {100 * info['strain']:.3g} %, "
             f"tension at rest {info['mean_tension']:.4g} N",
             f"error of the mesh: {sanity.describe_mesh(self)}",
+            *cells.describe_cheaper(self),
             f"error of the contact: {sinking.describe(self)}",
             "error in time: as rtol asks of a run; simulate(..., verify=True) measures all "
             "three, of creep too",

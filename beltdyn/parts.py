@@ -96,7 +96,9 @@ class Belt(Printable):
         if self.n_bodies is None and self.mesh not in CHOOSE:
             wording = rules_of("belt")["n_bodies"].wording
             raise TypeError(
-                f"belt.n_bodies must be {wording}, got None: {' or '.join(CHOOSE)} alone chooses it"
+                f"belt.n_bodies must be {wording}, got None: it is the number of links, which must "
+                "be given, mostly 60 to 240 (each a fifth of the smallest pulley's radius long, or "
+                f'shorter); Belt(mesh="{CHOOSE[0]}") chooses its own cells'
             )
         if self.length is not None and self.preload is not None:
             raise ValueError(

@@ -16,6 +16,7 @@ from .accuracy_report import Accuracy, Running, known, running
 from .arcs import Arcs, arcs_of
 from .averages import LAST, mean_over, time_weights
 from .checks import Array, close_to, flag, real_array
+from .columns import columns
 from .histories import (
     GROUPS,
     BeltHistory,
@@ -378,11 +379,7 @@ class Result:
         )
 
     def __str__(self) -> str:
-        rows = self.summary()
-        width = max(len(label) for label, _ in rows)
-        return "\n".join(
-            [repr(self), *(f"  {label:<{width}}  {value}".rstrip() for label, value in rows)]
-        )
+        return "\n".join([repr(self), *columns(self.summary(), "<")])
 
     def _repr_html_(self) -> str:
         rows = [(label.replace("  ", "\u2003"), value) for label, value in self.summary()]

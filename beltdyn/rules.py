@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import attrs
 
 from . import _core, checks
+from .columns import columns
 
-__all__ = ["Printable", "Rule", "from_table", "instance_of", "lines", "rules_of", "with_choice"]
+__all__ = ["Printable", "Rule", "from_table", "instance_of", "rules_of", "with_choice"]
 
 #: By name: wording, lower bound, whether it is excluded, upper bound.
 _RULES = {row[0]: row[1:] for row in _core.RULES}
@@ -145,14 +146,4 @@ class Printable:
         return rows
 
     def __str__(self) -> str:
-        return "\n".join([type(self).__name__, *lines(self._rows(), indent="  ")])
-
-
-def lines(rows: Sequence[tuple[str, str, str]], indent: str = "") -> list[str]:
-    """Align names, values and texts in columns."""
-    name_width = max((len(name) for name, _, _ in rows), default=0)
-    value_width = max((len(value) for _, value, _ in rows), default=0)
-    return [
-        f"{indent}{name:<{name_width}}  {value:<{value_width}}  {text}".rstrip()
-        for name, value, text in rows
-    ]
+        return "\n".join([type(self).__name__, *columns(self._rows(), "<")])

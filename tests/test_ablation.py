@@ -52,7 +52,7 @@ EVERYTHING = {
     "belt.axial_damping", "belt.bending_stiffness", "belt.bending_damping", "contact.damping",
     "friction.viscous", "drag.coulomb", "drag.viscous", "drag.quadratic", "mount.mass",
     "mount.damping", "mount.friction", "gravity", "Stribeck curve", "harmonics of the crank",
-    "harmonics of torques", "motion of mounts", "finer friction law",
+    "harmonics of torques", "motion of mounts", "finer friction law", "landing links",
 }  # fmt: skip
 
 

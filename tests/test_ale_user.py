@@ -15,6 +15,7 @@ from click.testing import CliRunner
 import beltdyn as bd
 from beltdyn import cells
 from beltdyn.cli import main
+from beltdyn.explaining.removals import removals_of
 from beltdyn.places import cell_places, follow
 
 BELT = bd.Belt(
@@ -46,9 +47,9 @@ def test_cells_are_chosen_and_told() -> None:
     assert abs(more.n_bodies - 80) <= 4 and more.belt_model == "cells"
     for params in (DRIVE, more):
         assert bd.Params.from_toml(params.to_toml()) == params
-    with pytest.raises(TypeError, match=r"^belt\.n_bodies must be an integer .* ale alone chooses"):
+    with pytest.raises(TypeError, match=r"^belt\.n_bodies must be an .* 60 to 240 .* chooses its"):
         attrs.evolve(BELT, mesh="joint")
-    with pytest.raises(ValueError, match=r"^belt\.n_bodies must be an integer .* ale alone"):
+    with pytest.raises(ValueError, match=r"^belt\.n_bodies must be an .* mostly 60"):
         bd.Params.from_toml(DRIVE.to_toml().replace('"ale"', '"joint"'))
 
 
@@ -174,6 +175,31 @@ def test_it_warns_near_its_limits(run: bd.Result) -> None:
     assert fast.success
 
 
+def test_it_is_told_of_where_it_would_be_much_cheaper(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the steps that links took; not where the belt is slow, and not where ALE belts are refused
+    or the paper's mesh is asked for. What runs tell is what runs with it take.
+    """
+    for speed, end, times in ((400.0, 0.05, 10), (20.0, 0.005, 0)):
+        motion = {"motor": bd.PiecewiseLinear([0.0], [speed])}
+        links, flows = (
+            bd.simulate(one, SCENE.torque_fn, end, motion, rtol=1e-2) for one in (LINKS, DRIVE)
+        )
+        told = [one for one in links.accuracy.notes if one.startswith('Belt(mesh="ale")')]
+        assert len(told) == (times > 0) and not flows.accuracy.notes
+        assert links.stats.steps > times * flows.stats.steps
+        assert all(one in " ".join(str(links.report()).split()) for one in told)
+    paper = attrs.evolve(LINKS, belt=attrs.evolve(LINKS.belt, mesh="paper"))
+    tensioned = attrs.evolve(LINKS, tensioning=bd.Tensioning(friction=True))
+    for drive in (DRIVE, paper, tensioned):
+        assert cells.instead(drive) is None and 'on Belt(mesh="ale")' not in str(drive)
+    assert 'm/s on Belt(mesh="ale")' in str(LINKS)
+    monkeypatch.setattr(bd.accuracy.suggestion, "DEAR", 0.0)
+    monkeypatch.setattr(cells, "CHEAPER", 0.0)
+    found = bd.accuracy.suggest(SCENE._replace(params=LINKS, t_end=0.002), 0.1)
+    assert found.ale is not None and found.ale[0] > 0.0 and found.ale[1] < 0.1
+    assert 'With Belt(mesh="ale") the scene took' in " ".join(str(found).split())
+
+
 def test_it_is_verified_by_other_cells() -> None:
     """Errors in time and of the mesh, each from other runs, named as what they are."""
     accuracy = bd.simulate(*SCENE, rtol=1e-3, verify=True).accuracy
@@ -211,6 +237,9 @@ def test_pictures_of_it(run: bd.Result) -> None:
 
 
 def test_what_it_simulates_and_why() -> None:
+    """Links are an effect that may be left out."""
+    (row,) = (one for one in removals_of(SCENE._replace(params=LINKS)) if "links" in one.name)
+    assert row.apply(SCENE._replace(params=LINKS)).params == DRIVE
     told = bd.explain(*SCENE, ablation=False)
     assert {"cells", "modes"} <= set(told.state.parts) and "links" not in told.state.parts
     assert "belt that flows" in str(told)

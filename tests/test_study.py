@@ -329,7 +329,7 @@ def test_simulate_says_what_it_chose() -> None:
     result = bd.simulate(*SHORT, budget=0.5, initial=bd.settle(SHORT.params))
     assert result.success and result.params == SHORT.params
     assert "the mesh is that of initial" in result.message
-    assert f"with {result.params.belt.n_bodies} links" in result.message
+    assert f"with n_bodies = {result.params.belt.n_bodies}" in result.message
     assert "chosen for 0.5 s" in result.message
     assert "chosen for 0.5 s" in dict(result.summary(verbose=True))["method"]
 

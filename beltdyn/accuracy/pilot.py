@@ -192,6 +192,10 @@ class Pilot:
     def _affords(self, seconds: float) -> bool:
         return self.spent + seconds <= self._limit
 
+    def off(self, seen: Observed) -> float:
+        """Give how far a run is from that on the finest mesh tried [1]."""
+        return self._difference(seen, self._finest)
+
     def _difference(self, a: Observed, b: Observed) -> float:
         return differences(a, b)[self._quantity]
 

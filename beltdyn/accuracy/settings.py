@@ -29,7 +29,7 @@ class Setting:
     """Settings of a run.
 
     Attributes:
-        n_bodies: Number of links.
+        n_bodies: Number of links, of an ALE belt about that of cells.
         method: Integration method.
         rtol: Error in time that the method is asked for.
     """
@@ -44,7 +44,7 @@ class Setting:
         return {"method": self.method, "rtol": self.rtol}
 
     def __str__(self) -> str:
-        return f"{self.method} at rtol {self.rtol:.2g} with {self.n_bodies} links"
+        return f"{self.method} at rtol {self.rtol:.2g} with n_bodies = {self.n_bodies}"
 
 
 def fewest(params: Params) -> int:

@@ -66,8 +66,8 @@ def study(
 ) -> Study:
     """Measure what each setting of a run costs and how far off it is.
 
-    Runs the scene with each method, tolerance and number of links. The error in time is the
-    difference to a run on the same mesh at a tight tolerance by a method of another family; the
+    Runs the scene with each method, tolerance and number of links or cells. The error in time is
+    the difference to a run on the same mesh at a tight tolerance by a method of another family; the
     error in space that of such a run to one on the finest mesh; the error in all that of the run
     itself to the one on the finest mesh. Each reference is computed twice, by unrelated methods;
     their difference is the floor, below which no error is known.
@@ -155,7 +155,7 @@ def _numbers(params: Params, n_bodies: Sequence[int] | None) -> list[int]:
     given = meshes(params) if n_bodies is None else n_bodies
     numbers = sorted({integer("n_bodies", n, 3) for n in given})
     if not numbers:
-        raise ValueError("n_bodies must hold at least one number of links")
+        raise ValueError("n_bodies must hold at least one number")
     return numbers
 
 
@@ -298,6 +298,7 @@ class _Job:
         left = {name: error / fall for name, error in space[self.meshes[-1]].items()}
         order = [Setting(n, m, r) for n in self.meshes for m in self.methods for r in self.rtols]
         place = {setting: k for k, setting in enumerate(order)}
+        nodes = self.scene.params._belt_facts["nodes"]
         return Study(
             rows=tuple(sorted(rows, key=lambda row: place[row.setting])),
             space=space,
@@ -305,10 +306,12 @@ class _Job:
             space_floor={name: max(floors[self.finest][name], left[name]) for name in QUANTITIES},
             finest=self.finest,
             references=tuple(
-                f"{n} links: " + " and ".join(f"{one.method} at rtol {one.rtol:g}" for one, _ in p)
+                f"{n} {nodes}: "
+                + " and ".join(f"{one.method} at rtol {one.rtol:g}" for one, _ in p)
                 for n, p in sorted(references.items())
             ),
             mesh=self.scene.params.belt.mesh,
+            nodes=nodes,
             n_bodies=self.scene.params.n_bodies,
         )
 

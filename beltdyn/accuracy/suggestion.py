@@ -7,9 +7,11 @@ from typing import Any
 
 import attrs
 
+from .. import cells
 from ..accuracy_report import Expected
 from ..checks import positive
 from ..compliance import compliance_error
+from ..errors import SimulationError
 from ..params import Params
 from ..rounding import percent
 from ..scene import Scene
@@ -22,6 +24,9 @@ from .settings import Setting
 
 __all__ = ["Suggestion", "suggest"]
 
+#: CPU time of a run of links [s] from which on an ALE belt is tried.
+DEAR = 0.5
+
 
 @attrs.frozen(kw_only=True, repr=False)
 class Suggestion:
@@ -31,7 +36,7 @@ class Suggestion:
     it.
 
     Attributes:
-        scene: The scene, with the number of links suggested.
+        scene: The scene, with the number of links or cells suggested.
         method: Integration method.
         rtol: Its tolerance.
         seconds: CPU time of the run, without settling [s].
@@ -45,6 +50,8 @@ class Suggestion:
         met: Whether ``error`` is within ``asked``; if not, this is the most accurate setting known.
         pilot_seconds: CPU time of the runs from which this is known, with settling [s].
         pilot_runs: Number of these runs.
+        ale: CPU time of a run of the same scene with an ALE belt [s], and how far it is from the
+            pilot run on the finest mesh [1]; None: there is none, or links are not much dearer.
     """
 
     scene: Scene
@@ -60,15 +67,16 @@ class Suggestion:
     met: bool
     pilot_seconds: float
     pilot_runs: int
+    ale: tuple[float, float] | None = None
 
     @property
     def params(self) -> Params:
-        """The drive with the number of links suggested."""
+        """The drive with the number of links or cells suggested."""
         return self.scene.params
 
     @property
     def n_bodies(self) -> int:
-        """Number of links."""
+        """Number of links; of an ALE belt that of cells."""
         return self.scene.params.n_bodies
 
     @property
@@ -83,7 +91,7 @@ class Suggestion:
 
     @property
     def setting(self) -> Setting:
-        """Number of links, method and tolerance together."""
+        """``n_bodies``, method and tolerance together."""
         return Setting(self.n_bodies, self.method, self.rtol)
 
     def __str__(self) -> str:
@@ -110,6 +118,11 @@ class Suggestion:
                 "rigid pulleys, whatever the setting; stiffer contact or compensate=True takes "
                 "that away. "
             )
+        if self.ale is not None:
+            text += (
+                f'With Belt(mesh="ale") the scene took {self.ale[0]:.2g} s, '
+                f"{percent(self.ale[1])} from the finest pilot run. "
+            )
         text += f"Known from {self.pilot_runs} pilot runs of {self.pilot_seconds:.2g} s together."
         return textwrap.fill(text, 88)
 
@@ -120,7 +133,7 @@ class Suggestion:
 def suggest(
     scene: Scene, error: float = 1e-2, quantity: str = "tension", *, limit: float = 30.0
 ) -> Suggestion:
-    """Find the cheapest method, tolerance and number of links for an error.
+    """Find the cheapest method, tolerance and number of links or cells for an error.
 
     From runs on coarse meshes: their error in space is extrapolated by its order, their error in
     time measured against tighter tolerances. They cover the whole time of the scene, since what
@@ -129,7 +142,8 @@ def suggest(
     the scales of :class:`beltdyn.accuracy.Observed`. A mesh whose error jumps with the number of
     links may be further off than its neighbours tell. Where histories depend on every detail, such
     as the creep of a drive whose links chatter, small errors cannot be had at any price;
-    :attr:`Suggestion.met` is then False.
+    :attr:`Suggestion.met` is then False. Where links are dear the scene is run with an ALE belt as
+    well, which is told if it takes a tenth (:attr:`Suggestion.ale`).
 
     Args:
         scene: The scene, as in :mod:`beltdyn.scenes`; of its mesh only the number of links changes.
@@ -178,4 +192,18 @@ def _suggestion(
         met=met,
         pilot_seconds=pilot.spent,
         pilot_runs=pilot.runs,
+        ale=_flowing(one, pilot, scene),
     )
+
+
+def _flowing(one: Forecast, pilot: Pilot, scene: Scene) -> tuple[float, float] | None:
+    """Run the scene with an ALE belt, if links are dear: CPU time and error, if it is cheaper."""
+    other = cells.instead(scene.params)
+    if other is None or one.seconds < DEAR:
+        return None
+    runs = Runs(scene._replace(params=other), simulate, settle)
+    try:
+        done = runs(Setting(other.n_bodies, "auto", min(one.setting.rtol, cells.AT)))
+    except SimulationError:
+        return None
+    return (done.cpu, pilot.off(done.seen)) if one.seconds > cells.CHEAPER * done.cpu else None

@@ -28,7 +28,7 @@ _TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)
 
 @attrs.frozen(kw_only=True, eq=False, repr=False)
 class Study:
-    """What accuracy costs: runs of a scene by method, tolerance and number of links.
+    """What accuracy costs: runs of a scene by method, tolerance and number of links or cells.
 
     ``print(study)`` names the cheapest settings, :meth:`table` lists all runs, :meth:`plot` draws
     them. Errors are by quantity, those of ``bd.accuracy.QUANTITIES``, relative to the scales of
@@ -36,14 +36,15 @@ class Study:
 
     Attributes:
         rows: All runs, by mesh, method and tolerance.
-        space: By number of links, the error in space: of the mesh's own reference.
-        time_floor: By number of links, how far the two references on the mesh differ.
+        space: By ``n_bodies``, the error in space: of the mesh's own reference.
+        time_floor: By ``n_bodies``, how far the two references on the mesh differ.
         space_floor: How far the two references on the finest mesh differ or, if more, what is
             estimated to be left of the error in space there.
-        finest: Number of links of the reference in space.
+        finest: ``n_bodies`` of the reference in space.
         references: How the references were computed, a line for each mesh.
         mesh: How the belt meets the pulleys, ``Belt.mesh``.
-        n_bodies: Number of links of the scene itself.
+        nodes: What ``n_bodies`` is the number of: "links", "masses" or "cells".
+        n_bodies: How many the scene itself has.
     """
 
     rows: tuple[Row, ...]
@@ -53,6 +54,7 @@ class Study:
     finest: int
     references: tuple[str, ...]
     mesh: str
+    nodes: str
     n_bodies: int
 
     def done(self) -> Iterator[Row]:
@@ -106,7 +108,8 @@ class Study:
         quantity = quantity_of(quantity)
         lines = [
             f"error of {quantity}: in all, in space, in time (floors in brackets)",
-            "links  method     rtol     CPU s     steps    error    space              time",
+            f"{self.nodes:5s}  method     rtol     CPU s     steps    error    space"
+            "              time",
         ]
         for row in self.rows:
             n_b = row.setting.n_bodies
@@ -123,10 +126,10 @@ class Study:
         return "\n".join(lines)
 
     def __str__(self) -> str:
-        links = ", ".join(map(str, self.space))
+        meshes = ", ".join(map(str, self.space))
         lines = [
-            f"Price of accuracy: {sum(1 for _ in self.done())} runs on meshes of {links} links "
-            f'("{self.mesh}"), reference on {self.finest} links',
+            f"Price of accuracy: {sum(1 for _ in self.done())} runs on meshes of {meshes} "
+            f'{self.nodes} ("{self.mesh}"), reference on {self.finest} {self.nodes}',
             "cheapest setting for an error in all of at most",
         ]
         width = max(map(len, QUANTITIES))
@@ -135,10 +138,11 @@ class Study:
             cells = [self._cell(target, quantity) for target in _TARGETS]
             lines.append(f"{quantity:<{width}}  " + "".join(f"{cell:<26s}" for cell in cells))
         lines += [
-            "Cells: method, rtol, number of links, CPU s; -: no run here is so accurate;",
-            f"floor: not even the reference, on {self.finest} links, is known so well.",
-            "More links and tighter tolerances (without --quick; n_bodies=, finest=, rtols=) fill",
-            "these. To use one: simulate(..., method=, rtol=); beltdyn run SCENE --error chooses.",
+            f"Entries: method, rtol, number of {self.nodes}, CPU s; -: no run is so accurate;",
+            f"floor: not even the reference, on {self.finest} {self.nodes}, is known so well.",
+            f"More {self.nodes} and tighter tolerances (without --quick; n_bodies=, finest=,",
+            "rtols=) fill these. To use one: simulate(..., method=, rtol=);",
+            "beltdyn run SCENE --error chooses.",
         ]
         return "\n".join(line.rstrip() for line in lines)
 
@@ -157,8 +161,8 @@ class Study:
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
         """Give all runs as comma-separated values, also written to ``path``.
 
-        A line for each run: links, method, rtol, CPU seconds, repeats, steps, and of each quantity
-        the errors in all, in space, in time and the two floors.
+        A line for each run: its setting, CPU seconds, repeats, steps, and of each quantity the
+        errors in all, in space, in time and the two floors.
 
         Raises:
             OSError: The file cannot be written; a file that was there before is unchanged.

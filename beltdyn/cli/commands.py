@@ -13,6 +13,7 @@ from .. import __version__, accuracy, scenes
 from ..accuracy.quantities import QUANTITIES
 from ..checkpoints import Checkpoint, Fresh
 from ..checks import close_to
+from ..columns import columns
 from ..explaining import explain
 from ..hard import SCENES as HARD
 from ..hard import HardScene
@@ -75,9 +76,7 @@ def list_scenes(hard: str | None) -> None:
         _list_hard(hard)
         return
     rows = [(name, scenes.describe(name)) for name in scenes.names()]
-    width = max(len(name) for name, _ in rows)
-    for name, text in rows:
-        click.echo(f"{name:<{width}}  {text}")
+    click.echo("\n".join(columns(rows, "<", "")))
     click.echo(f"\nand {len(HARD)} made to break an integrator: beltdyn scenes --hard")
 
 
@@ -165,7 +164,7 @@ def show(scene: str, mesh: str | None, plot: Path | None) -> None:
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
 @click.option("--verify", is_flag=True, help="Run again, finer, on other meshes: print the errors.")
 @click.option(
-    "--error", type=float, help="Choose method, rtol and links for this error, 0.01: 1 %."
+    "--error", type=float, help="Choose method, rtol and n_bodies for this error, 0.01: 1 %."
 )
 @click.option(
     "--quantity",
@@ -372,7 +371,7 @@ def study_accuracy(
     quick: bool,
     quiet: bool,
 ) -> None:
-    """Measure what accuracy costs: SCENE by method, tolerance and number of links.
+    """Measure what accuracy costs: SCENE by method, tolerance and number of links or cells.
 
     SCENE is a name from `beltdyn scenes` or a TOML file. The paper's case 1 takes some minutes on
     two processors, finer and longer scenes more; with --quick any takes 10 to 30 s of CPU time.

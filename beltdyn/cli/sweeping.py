@@ -11,9 +11,9 @@ from typing import Any
 import click
 import numpy as np
 
+from ..columns import columns
 from ..exported import write_netcdf
 from ..optional import optional_module
-from ..report.text import columns
 from ..run_warnings import silenced
 from ..sweeping import file as sweep_file
 from ..sweeping.rows import STATUSES

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import attrs
 import numpy as np
 
+from .. import cells
 from ..balance import tension_held
 from ..friction import Dahl, ElasticPlastic, Friction, LuGre, MaxwellSlip
 from ..loads import Harmonics
@@ -254,6 +255,15 @@ def _without_harmonics(scene: Scene) -> Scene:
     return scene._replace(torque_fn=TorqueSum(tuple(parts) or (nothing,)))
 
 
+def _has_landings(scene: Scene) -> bool:
+    return cells.instead(scene.params) is not None
+
+
+def _without_landings(scene: Scene) -> Scene:
+    params = cells.instead(scene.params)
+    return scene if params is None else scene._replace(params=params)
+
+
 #: What can be left out besides numbers, and which scenes have it. Mounts come last: where their
 #: pulleys rest depends on what else is left out.
 _OTHERS: tuple[tuple[Removal, Callable[[Scene], bool]], ...] = (
@@ -281,6 +291,10 @@ _OTHERS: tuple[tuple[Removal, Callable[[Scene], bool]], ...] = (
     (
         Removal("couplings of shafts", "coupling = None, hub and rim one body", _without_couplings),
         _has_rims,
+    ),
+    (
+        Removal("landing links", 'belt.mesh = "ale", n_bodies = None', _without_landings),
+        _has_landings,
     ),
     (
         Removal("motion of mounts", "mount = None, fixed where the belt rests", _without_mounts),

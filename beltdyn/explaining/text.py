@@ -6,6 +6,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 
+from ..columns import columns
 from ..rounding import percent
 from .ablation import ANSWERS, LEVELS, NO_GAIN, RUNS, SAFETY, Ablation, LeftOut
 from .cost import StateSize, Step
@@ -62,7 +63,7 @@ def _state(state: StateSize) -> list[str]:
     return [
         f"State: {sum(state.parts.values())} numbers, {state.numbers} with their padding, "
         f"{state.bytes} bytes; the simulation {state.simulation} bytes",
-        *_table(rows, "<><"),
+        *columns(rows, "<><"),
     ]
 
 
@@ -84,7 +85,7 @@ def _step(step: Step) -> list[str]:
             f"{100.0 * step.measured / step.alone:.0f} %",
         )
     )
-    lines = [f'Step of method "{step.method}"', *_table(rows, "<>>>>")]
+    lines = [f'Step of method "{step.method}"', *columns(rows)]
     return lines + _wrapped(
         f"The run: {step.steps} steps and {step.rejected} rejected ones, with the checks of every "
         "run.",
@@ -103,7 +104,7 @@ def _ablation(ablation: Ablation, window: Window) -> list[str]:
     rows: list[tuple[str, ...]] = [("left out", *heading, "CPU time", "error", "elsewhere")]
     rows += [_row(row) for row in ablation.rows if not row.failed]
     shown = len(rows[0]) - (not whole)  # of a part of a run, both are the same
-    lines = _wrapped(head, 0) + _table([row[:shown] for row in rows], "<" + ">" * (shown - 1))
+    lines = _wrapped(head, 0) + columns([row[:shown] for row in rows])
     for row in ablation.rows:
         if row.failed:
             lines += _wrapped(f"{row.name}: no run without it, {row.failed}", 2)
@@ -163,7 +164,7 @@ def _advice(ablation: Ablation, error: float) -> list[str]:
             )
             for level, _, row in ablation.sets
         ]
-        lines += _table(rows, "><>>>")
+        lines += columns(rows, "><>")
         dear = [percent(level) for level, _, row in ablation.sets if row.cpu_time > NO_GAIN]
         if dear:
             lines += _wrapped(f"At {', '.join(dear)} no CPU time is saved: nothing is gained.", 2)
@@ -197,17 +198,6 @@ def _why_none(ablation: Ablation, most: float) -> str:
 
 def _ns(seconds: float) -> str:
     return f"{1e9 * seconds:.0f}"
-
-
-def _table(rows: Sequence[Sequence[str]], aligned: str) -> list[str]:
-    widths = [max(len(row[k]) for row in rows) for k in range(len(aligned))]
-    return [
-        "  "
-        + "  ".join(
-            f"{cell:{a}{w}}" for cell, a, w in zip(row, aligned, widths, strict=True)
-        ).rstrip()
-        for row in rows
-    ]
 
 
 def _wrapped(text: str, indent: int) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
 from statistics import NormalDist
@@ -12,6 +12,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array, flag, real
+from ..columns import columns
 from ..errors import Interrupted
 from ..params import Params
 from ..result import Result
@@ -58,15 +59,7 @@ class Sensitivity:
             [row, *(f"{value:.3g}" for value in line)]
             for row, line in zip(self.rows, self.values, strict=True)
         ]
-        return "\n".join(_table([head, *body]))
-
-
-def _table(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        indent + "  ".join(f"{cell:<{n}}" for cell, n in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
+        return "\n".join(columns([head, *body], "<", ""))
 
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
@@ -353,7 +346,7 @@ class Identification:
         lines = [repr(self)]
         if not self.success:
             lines.append(f"  not finished, values and intervals so far: {self.message}")
-        lines += _table(rows, "  ")
+        lines += columns(rows, "<")
         if self.mesh is None:
             lines.append(f"  the intervals are without the error of the mesh: {self.mesh_message}")
         if not self.confirmed:
@@ -385,7 +378,7 @@ class Identification:
             rms = math.sqrt(float(np.mean(residuals**2)))
             found = " (estimated)" if name in self.estimated else ""
             rows.append([name, str(residuals.size), f"{rms:.3g} sigma", span + found])
-        return "\n".join([*lines, *_table(rows, "  ")])
+        return "\n".join([*lines, *columns(rows, "<")])
 
     def _remark(self, name: str) -> str:
         if name in self.at_limit:

@@ -12,6 +12,7 @@ from html import escape
 import attrs
 import numpy as np
 
+from ..columns import columns
 from ..result import Result
 from .cases import LINKS, REVERSALS, SOFT_SIGMA, Runs
 from .rows import QUANTITIES, Links, Quantity, dahl, read
@@ -151,15 +152,8 @@ class Comparison:
 
 
 def _aligned(rows: list[tuple[str, ...]]) -> str:
-    table = [_HEAD, *rows]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    return "\n".join(
-        "  ".join(
-            text.ljust(width) if k in _TEXT_COLUMNS else text.rjust(width)
-            for k, (text, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in table
-    )
+    sides = "".join("<" if k in _TEXT_COLUMNS else ">" for k in range(len(_HEAD)))
+    return "\n".join(columns([_HEAD, *rows], sides, ""))
 
 
 def compare(runs: Runs, links: Links = LINKS) -> Comparison:

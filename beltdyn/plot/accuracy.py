@@ -31,13 +31,15 @@ class Priced(Protocol):
     def space(self) -> Mapping[int, Errors]: ...
     @property
     def space_floor(self) -> Errors: ...
+    @property
+    def nodes(self) -> str: ...
     def done(self) -> Iterator[Row]: ...
     def believed(self, row: Row, quantity: str) -> float: ...
     def cheapest(self, error: float, quantity: str = ...) -> Row | None: ...
     def front(self, quantity: str = ..., method: str | None = ...) -> list[Row]: ...
 
 
-_COST, _LINKS = "CPU time of the run [s]", "number of links"
+_COST = "CPU time of the run [s]"
 _MARKERS = "osD^v<>p"
 
 
@@ -102,7 +104,7 @@ def cost_over_links(study: Priced, ax: Axes | None = None) -> Axes:
             )
     ax.set(xscale="log", yscale="log")
     _links(ax, study)
-    style.dress(ax, _LINKS, _COST)
+    style.dress(ax, f"number of {study.nodes}", _COST)
     style.legend_below(ax, ax.get_lines())
     return ax
 
@@ -136,7 +138,7 @@ def errors_over_links(
     ax.set(xscale="log", yscale="log")
     _mark(ax, study, quantity, error, best, lambda row: row.setting.n_bodies)
     _links(ax, study)
-    style.dress(ax, _LINKS, f"error of {_words(quantity)} [1]")
+    style.dress(ax, f"number of {study.nodes}", f"error of {_words(quantity)} [1]")
     style.legend_below(
         ax, [line for line in ax.get_lines() if str(line.get_marker()) in tuple(_MARKERS)]
     )
@@ -209,8 +211,8 @@ def _mark(
         "*",
         color="black",
         markersize=13,
-        label=f"cheapest for {error:.2g}: {one.method} {_power(one.rtol)},\n{one.n_bodies} links, "
-        f"{best.seconds:.2g} s",
+        label=f"cheapest for {error:.2g}: {one.method} {_power(one.rtol)},\n{one.n_bodies} "
+        f"{study.nodes}, {best.seconds:.2g} s",
     )
 
 

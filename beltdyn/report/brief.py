@@ -6,6 +6,7 @@ import math
 import textwrap
 from collections.abc import Iterator
 
+from ..columns import columns
 from ..html import paragraphs
 from ..mounts import KINDS
 from ..rounding import rounded
@@ -25,9 +26,7 @@ from .text import (
     _STILL,
     _TO_RPM,
     Table,
-    _direction,
     _without,
-    columns,
     couplings,
     opening,
 )
@@ -143,7 +142,7 @@ def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
         digits.power(report, power),
         load,
         most,
-        _direction(row.hub_direction),
+        digits.direction(row.hub_direction),
         digits.used(report, row)[0] if row.used is not None else NONE,
         digits.margin(report, row.margin),
         digits.margin(report, row.least_margin),
@@ -223,6 +222,9 @@ def _closing(report: Told) -> Iterator[str]:
     if report.powers:
         yield f"Power: {_balance(report)}."
     yield report.accuracy.sentence()
+    for note in report.notes:
+        if note.startswith("Belt("):  # what would be cheaper
+            yield f"{note}."
     if note := text.note_on_mesh(report):
         yield f"{note}."
     if report.warnings:

@@ -20,6 +20,7 @@ __all__ = [
     "belt_speed",
     "belt_torque",
     "between",
+    "direction",
     "history_off",
     "line_frequency",
     "loss",
@@ -84,6 +85,14 @@ def signed(shown: str) -> str:
 def percent(share: float | None, decimals: int = 1) -> str:
     """Give a share in percent."""
     return NONE if share is None else signed(f"{100.0 * share:.{decimals}f}")
+
+
+def direction(angle: float | None) -> str:
+    """Print an angle [rad] in degrees."""
+    if angle is None:
+        return NONE
+    shown = signed(f"{math.degrees(angle):.0f}")
+    return "180" if shown == "-180" else shown
 
 
 def placed(

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from .. import _core
+from ..columns import columns, widths
 from ..html import paragraphs, table_of
 from ..mounts import KINDS
 from . import digits
@@ -22,7 +23,6 @@ from .digits import (
     of_tension,
     percent,
     placed,
-    signed,
     tension_off,
     within,
 )
@@ -31,7 +31,6 @@ from .rows import RESIDUAL, Power, PulleyRow, Spread, Told
 __all__ = [
     "Table",
     "cells",
-    "columns",
     "html",
     "lines",
     "note_on_mesh",
@@ -66,17 +65,6 @@ class Table(NamedTuple):
     heading: tuple[str, ...]
     rows: Sequence[tuple[str, ...]]
     remarks: tuple[str, ...] = ()
-
-
-def _direction(angle: float | None) -> str:
-    if angle is None:
-        return NONE
-    shown = signed(f"{math.degrees(angle):.0f}")
-    return "180" if shown == "-180" else shown
-
-
-def _degrees(angle: float | None) -> str:
-    return NONE if angle is None else f"{math.degrees(angle):.1f}"
 
 
 def tables(report: Told) -> Iterator[Table]:
@@ -152,8 +140,8 @@ def _loads(report: Told) -> Table:
             row.name,
             (load := of_tension(report, row.hub_load, 2.0))[0],
             between(load[1:]),
-            _direction(row.hub_direction),
-            _degrees(row.wrap),
+            digits.direction(row.hub_direction),
+            NONE if row.wrap is None else f"{math.degrees(row.wrap):.1f}",
             *digits.slip_arc(row),
             percent(row.slip_share, 0),
             _percents(row.slip_range),
@@ -555,31 +543,14 @@ def lines(report: Told) -> list[str]:
     return found
 
 
-def columns(rows: list[tuple[str, ...]]) -> list[str]:
-    """Print rows of a table, the first cell of each to the left, the others to the right."""
-    widths = _widths(rows)
-    found = []
-    for row in rows:
-        cells = [
-            f"{cell:{'>' if k else '<'}{width}}"
-            for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        found.append(("  " + "  ".join(cells)).rstrip())
-    return found
-
-
-def _widths(rows: list[tuple[str, ...]]) -> list[int]:
-    return [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-
-
 def _fitted(rows: list[tuple[str, ...]]) -> list[list[tuple[str, ...]]]:
     """Break a table that is too wide into as few as fit, all with the first column, alike wide."""
-    widths = _widths(rows)
-    n = len(widths)
+    wide_are = widths(rows)
+    n = len(wide_are)
 
     def wide(cut: tuple[int, ...]) -> int:
         ends = zip((1, *cut), (*cut, n), strict=True)
-        return max(2 + widths[0] + sum(2 + one for one in widths[a:b]) for a, b in ends)
+        return max(2 + wide_are[0] + sum(2 + one for one in wide_are[a:b]) for a, b in ends)
 
     for parts in range(1, n):
         cut = min(itertools.combinations(range(2, n), parts - 1), key=wide)

@@ -9,6 +9,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array, flag, integer, one_of, pair, shown
+from ..columns import columns
 from ..optional import optional_module
 
 __all__ = ["METHODS", "Samples", "sample"]
@@ -48,22 +49,11 @@ class Samples:
 
     def __str__(self) -> str:
         rows = [("", "distribution", "least", "mean", "most")]
-        columns = zip(self.names, self.values.T, strict=True)
-        for name, column in columns:
+        for name, column in zip(self.names, self.values.T, strict=True):
             numbers = (column.min(), column.mean(), column.max())
             texts = [f"{number:.5g}" for number in numbers]
             rows.append((name, self.design["distributions"][name], *texts))
-        widths = [max(len(row[k]) for row in rows) for k in range(5)]
-        lines = [
-            "  ".join(
-                [
-                    *(f"{row[k]:<{widths[k]}}" for k in range(2)),
-                    *(f"{row[k]:>{widths[k]}}" for k in range(2, 5)),
-                ]
-            )
-            for row in rows
-        ]
-        return "\n".join([repr(self), *(f"  {line}" for line in lines), *self._notes()])
+        return "\n".join([repr(self), *columns(rows, "<<>"), *self._notes()])
 
     def _notes(self) -> list[str]:
         n, k = self.design["n"], len(self.names)

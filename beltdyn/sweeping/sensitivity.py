@@ -11,6 +11,7 @@ import attrs
 import numpy as np
 
 from ..checks import Array, close_to, integer, real, shown
+from ..columns import columns
 from ..optional import optional_module
 from .estimators import CONSTANT, Design, Indices, by_groups, by_runs
 from .sampling import METHODS
@@ -111,27 +112,23 @@ class Sensitivity:
 
     def __str__(self) -> str:
         own = [str(dim) for dim in self.first.dims if dim != "parameter"]
-        columns = {"first": (self.first, self.first_conf)}
+        indices = {"first": (self.first, self.first_conf)}
         if "total" in self._more:
-            columns["total"] = (self.total, self.total_conf)
-        rows = [[*own, "parameter", *(f"{name} index" for name in columns)]]
+            indices["total"] = (self.total, self.total_conf)
+        rows = [[*own, "parameter", *(f"{name} index" for name in indices)]]
         entries = list(np.ndindex(*(self.first.sizes[dim] for dim in own)))
         for entry in entries[:_SHOWN]:
             at = dict(zip(own, entry, strict=True))
             where = [_entry(self.first, dim, k) for dim, k in at.items()]
             for j, name in enumerate(self.first["parameter"].values):
                 one = at | {"parameter": j}
-                rows.append([*where, str(name), *(_cell(*pair, one) for pair in columns.values())])
-        widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-        lines = [
-            "  ".join(f"{text:<{width}}" for text, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        ]
+                rows.append([*where, str(name), *(_cell(*pair, one) for pair in indices.values())])
+        lines = columns(rows, "<")
         if len(entries) > _SHOWN:
-            lines.append(f"... and {len(entries) - _SHOWN} more entries: see to_frame()")
+            lines.append(f"  ... and {len(entries) - _SHOWN} more entries: see to_frame()")
         percent = f"+-: confidence of {100 * self.confidence:g} %"
         head = f"Sensitivity of {self.quantity}: {self.method}; {percent}"
-        return "\n".join([head, *(f"  {line}" for line in [*lines, *self.notes])])
+        return "\n".join([head, *lines, *(f"  {one}" for one in self.notes)])
 
 
 def sensitivity(
