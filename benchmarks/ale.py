@@ -47,7 +47,7 @@ from random_drives import chance, log_uniform
 KEPT = common.HERE.parent / "build" / "ale"
 RTOLS = (1e-2, 1e-3, 1e-4)
 #: Time of a random drive [s], and most steps of its links.
-SHORT, MOST = 0.05, 50_000
+SHORT, MOST = 0.05, 150_000
 
 
 def ale(params: bd.Params, cells: int | None = None, **belt: Any) -> bd.Params:

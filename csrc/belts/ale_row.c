@@ -149,29 +149,39 @@ static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   belt->spare = bd_ale_state_in(&belt->ale, model->lay.states, states[2]);
 }
 
-/* Metres by what their stretch at rest is worth, speeds by what a wave of it has, modes by a
- * thousandth of their span. */
+/* Of the speed of belt and rim [m/s]: what a wave of the strain at rest has; under a law without a
+ * state, whose friction follows it at once, ten times the slip over which that builds up. */
+static double speed_scale(const bd_model *model, int j) {
+  const double waves = sqrt(model->belt.axial_stiffness / model->belt.linear_density);
+  const double wave = model->info.strain * waves, normal = model->drive->rest / model->radius[j];
+  if (model->friction[j].law == BD_LAW_NONE || bd_friction_states(&model->friction[j]) > 0) {
+    return wave;
+  }
+  const bd_friction_stiffness law = bd_friction_stiffness_of(model, j, normal);
+  return fmin(wave, 10.0 * bd_friction_kinetic(model, j) * normal / law.damping);
+}
+
+/* Metres by what their stretch at rest is worth, modes by a thousandth of their span. */
 static void weigh(const bd_model *model, double *weights) {
   const bd_layout *lay = &model->lay;
   const double strain = model->info.strain;
-  const double waves = sqrt(model->belt.axial_stiffness / model->belt.linear_density);
   double *m = bd_field(lay, weights, F_M), *v = bd_field(lay, weights, F_V);
   for (int i = 0, c = 0; i < lay->np; ++i) {
     const int j = (i + 1) % lay->np, cells = model->drive->pulleys[j].cells;
     const double span = model->wraps[i].span, arc = model->wraps[j].wrap * model->radius[j];
     const double across = sqrt(model->drive->rest / model->belt.linear_density);
+    const double speed = speed_scale(model, j);
     m[c] = 1.0 / (span * strain);
     for (int k = 0; k < cells; ++k) {
       m[++c] = cells / (arc * strain);
+      v[c] = 1.0 / speed;
     }
-    ++c;
+    v[++c % lay->n] = 1.0 / speed;
     for (int n = 0; n < lay->modes; ++n) {
       weights[lay->a + i * lay->modes + n] = 1e3 / span;
       weights[lay->p + i * lay->modes + n] = 1e3 / (BD_PI * across);
     }
-  }
-  for (int c = 0; c < lay->n; ++c) {
-    v[c] = 1.0 / (strain * waves);
+    weights[lay->omega + j] = fmax(weights[lay->omega + j], model->radius[j] / speed);
   }
 }
 
