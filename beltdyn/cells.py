@@ -41,6 +41,9 @@ __all__ = [
 #: Length of a cell on a pulley, and cells on half a turn of the largest one, from which on they are
 #: longer: a sixth of the half wave of a torsional vibration of 500 Hz, and creep right to 0.02 %.
 CELL, HALF_TURN = 0.0125, 30
+#: Radius [m] of which smaller pulleys have the cells: 10 on half a turn, tensions beside one that
+#: takes up all of them right to 0.2 %.
+SMALL = 0.04
 
 #: Error of the tensions beside a pulley, over what it takes from one to the other, times the square
 #: of the cells on half a turn: against creep theory 0.2, 0.2, 0.2, 0.2 with 10, 20, 40, 80 cells.
@@ -91,7 +94,7 @@ def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
     """Give how many cells to ask for where that is left open."""
     radii = np.array([pulley.radius for pulley in pulleys])
     length = max(CELL, math.pi * float(radii.max()) / HALF_TURN)
-    return 2 * len(pulleys) + math.ceil(float(line.wraps @ radii) / length)
+    return 2 * len(pulleys) + math.ceil(float(line.wraps @ np.maximum(radii, SMALL)) / length)
 
 
 def instead(params: D) -> D | None:

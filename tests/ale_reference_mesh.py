@@ -85,6 +85,7 @@ class Mesh:
     torque: Torque | None = None
     cell: float = 0.0125  # longest cell of an arc [m]
     least: int = 6  # cells of an arc
+    small: float = 0.04  # radius of which smaller pulleys have the cells [m]
     n_modes: int = 2
     # switches, for tests of what each of them is worth
     end_moments: bool = True
@@ -166,9 +167,8 @@ class Mesh:
     def _mesh(self, places: Array, put: Callable[[str, Any], None]) -> None:
         """Number cells and nodes, and say of each to which pulley or span it belongs."""
         _, wraps, _ = spans_away(places, self.radii, self.sides)
-        even = [
-            2 * math.ceil(r * w / self.cell / 2) for r, w in zip(self.radii, wraps, strict=True)
-        ]
+        counted = wraps * np.maximum(self.radii, self.small)
+        even = [2 * math.ceil(length / self.cell / 2) for length in counted]
         on = [max(self.least, n) for n in even]
         pulley, fraction, arc_of, spans, arcs = [], [], [], [], {}
         for i in range(self.n_p):

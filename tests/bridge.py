@@ -134,7 +134,8 @@ def ale_oracle_of(params: bd.Params, **changes: Any) -> ale_reference.Ale:
 
 def on_mesh_of(params: bd.Params, **changes: Any) -> ale_reference.Ale:
     """That oracle with the cells of the core's belt."""
-    arcs = float(np.dot(params.route.wraps, [pulley.radius for pulley in params.pulleys]))
+    small = ale_reference.Ale.small
+    arcs = float(params.route.wraps @ [max(pulley.radius, small) for pulley in params.pulleys])
     cell = arcs / (params.belt.n_bodies - 2 * len(params.pulleys))
     n_modes = int(params.info["n_modes"]) // len(params.pulleys)
     model = ale_oracle_of(params, cell=cell, n_modes=n_modes, **changes)

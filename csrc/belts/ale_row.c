@@ -44,6 +44,12 @@ static void check_ends(bd_model *model) {
   }
 }
 
+/* What a cell is to follow on an arc: its length, and the angle by which friction grows there, that
+ * of a pulley of 40 mm at least: 10 on half a turn where there are 30 on one of 120 mm. */
+static double counts(const bd_model *model, int j) {
+  return model->wraps[j].wrap * fmax(model->radius[j], 0.04);
+}
+
 /* Some n_bodies cells: one of each span, and of an arc, on average, one more than its part, for
  * their number is even. */
 static double shape(bd_model *model) {
@@ -53,7 +59,7 @@ static double shape(bd_model *model) {
   const int on_arcs = belt->n_bodies > 2 * np ? belt->n_bodies - 2 * np : 1;
   double all = 0.0, shortest = belt->length;
   for (int j = 0; j < np; ++j) {
-    all += model->wraps[j].wrap * model->radius[j];
+    all += counts(model, j);
   }
   model->lay.n = 0;
   for (int j = 0; j < np; ++j) {
@@ -65,7 +71,7 @@ static double shape(bd_model *model) {
     pulley->raised = model->contact_radius[j] - model->radius[j];
     pulley->side = model->side[j];
     pulley->friction = &model->friction[j];
-    pulley->cells = bd_ale_cells(laid ? arc : 0.0, all / on_arcs);
+    pulley->cells = bd_ale_cells(laid ? counts(model, j) : 0.0, all / on_arcs);
     shortest = laid ? fmin(shortest, arc / pulley->cells) : belt->length / (7 * np);
     model->lay.n += pulley->cells + 1;
     model->slot[j] = BD_EVERY_SLOT;
