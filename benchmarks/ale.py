@@ -11,7 +11,7 @@ modes       natural frequencies at rest, of links extrapolated from 240, 480 and
 histories   span tensions after jumps of load, at four speeds; seven pulleys and an arm; run-up of a
             crossed belt, reversal, a pulley that seizes, a span near slack, slip from rest. Against
             the most links of each drive; beside them fewer links, and the same with rtol 1e-4.
-random      random drives to half the critical speed for 0.05 s, links at 480.
+random      random drives to half the critical speed for 0.05 s, links of 240 and 480 extrapolated.
 methods     CPU time of each method, and what each effect costs.
 
 Errors of histories are rms of span tensions over their mean, the worst span's. References take long
@@ -21,12 +21,14 @@ and are kept in build/ale/, by what they are of.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import functools
 import hashlib
 import itertools
 import math
+import signal
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -46,8 +48,8 @@ from random_drives import chance, log_uniform
 
 KEPT = common.HERE.parent / "build" / "ale"
 RTOLS = (1e-2, 1e-3, 1e-4)
-#: Time of a random drive [s], and most steps of its links.
-SHORT, MOST = 0.05, 150_000
+#: Time of a random drive [s], and most CPU time of its links [s].
+SHORT, MOST = 0.05, 20.0
 
 
 def ale(params: bd.Params, cells: int | None = None, **belt: Any) -> bd.Params:
@@ -67,6 +69,21 @@ def kept(of: Any, compute: Callable[[], dict[str, Any]]) -> dict[str, np.ndarray
         np.savez(file, **compute())
     with np.load(file) as stored:
         return dict(stored)
+
+
+@contextlib.contextmanager
+def given_up(most: float) -> Iterator[None]:
+    """Raise a TimeoutError after so much CPU time [s]; 0: never."""
+
+    def late(*_: Any) -> None:
+        raise TimeoutError(f"more than {most:g} s of CPU time")
+
+    signal.signal(signal.SIGVTALRM, late)
+    signal.setitimer(signal.ITIMER_VIRTUAL, most)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
 
 
 # ---------------------------------------------------------------- histories
@@ -98,14 +115,18 @@ class History:
                 t_eval=np.linspace(0.0, self.t_end, 1001), **options,
             )  # fmt: skip
 
-    def reference(self, n: int, **options: Any) -> dict[str, np.ndarray]:
-        """Of so many links: tensions, speeds, CPU time, steps, or why it failed; kept."""
+    def reference(self, n: int, most: float = 0.0) -> dict[str, np.ndarray]:
+        """Of so many links: tensions, speeds, CPU time, steps, or why it failed; kept.
+
+        most: CPU time after which it is given up [s]; 0: never.
+        """
         params = links(self.params, n)
 
         def compute() -> dict[str, Any]:
             try:
-                found = self.run(params, rtol=self.exact, **options)
-            except bd.SimulationError as failure:
+                with given_up(most):
+                    found = self.run(params, rtol=self.exact)
+            except (bd.SimulationError, TimeoutError) as failure:
                 return {"failure": str(failure)}
             return {
                 "tension": found.span_tension, "omega": found.pulleys.omega,
@@ -373,7 +394,9 @@ def drawn(number: int) -> tuple[History, str]:
     k = next(k for k, pulley in enumerate(params.pulleys) if pulley.center == center)
     if params.pulleys[k].side == "outside":  # of a crossed belt
         torque = -torque
-    on: bd.Torque = bd.PiecewiseLinear([0.0, log_uniform(rng, 5e-4, 0.0125)], [0.0, torque], pulley=k)
+    on: bd.Torque = bd.PiecewiseLinear(
+        [0.0, log_uniform(rng, 5e-4, 0.0125)], [0.0, torque], pulley=k
+    )
     if chance(rng, 0.5):
         turning = abs(omega) * params.pulleys[0].radius / params.pulleys[k].radius
         order = 2.0 * math.pi * log_uniform(rng, 20.0, 200.0) / turning
@@ -389,22 +412,26 @@ def drawn(number: int) -> tuple[History, str]:
 def random_drives(first: int, count: int, n: int) -> list[str]:
     found: dict[float, list[tuple[float, int, str]]] = {rtol: [] for rtol in RTOLS}
     cpu: dict[str, list[float]] = {"links": [], **{f"{rtol:g}": [] for rtol in RTOLS}}
-    refused, without = list[str](), list[str]()
+    refused, without, own = list[str](), list[str](), list[float]()
     for number in range(first, first + count):
         history, name = drawn(number)
         common.progress(f"drive {number} of {first + count - 1}: {name}")
-        exact = history.reference(n, max_steps=MOST)
-        if "failure" in exact:
-            without.append(f"{number}: {exact['failure']}")
+        meshes = [history.reference(links, most=MOST) for links in (n, n // 2)]
+        failed = [str(mesh["failure"]) for mesh in meshes if "failure" in mesh]
+        if failed:
+            without.append(f"{number}: {failed[0]}")
             continue
-        cpu["links"].append(float(exact["cpu"]) / SHORT)
+        fine, coarse = (mesh["tension"] for mesh in meshes)
+        exact = fine + (fine - coarse) / 3.0  # errors of links fall as 1 / n^2
+        cpu["links"].append(float(meshes[0]["cpu"]) / SHORT)
+        own.append(100.0 * apart(fine, exact)[0])
         for rtol in RTOLS:
             try:
                 run = history.run(ale(history.params), rtol=rtol)
             except (ValueError, bd.SimulationError) as failure:
                 refused.append(f"rtol {rtol:g}, drive {number}: {failure}")
                 continue
-            error = 100.0 * apart(run.span_tension, exact["tension"])[0]
+            error = 100.0 * apart(run.span_tension, exact)[0]
             found[rtol].append((error, number, name))
             cpu[f"{rtol:g}"].append(run.stats.cpu_time / SHORT)
     lines = [f"drives {first} to {first + count - 1}; rms of the worst span over mean tension, %"]
@@ -415,7 +442,12 @@ def random_drives(first: int, count: int, n: int) -> list[str]:
                 f"rtol {rtol:7.0e}: 0.1 {q[0]:.2f}  median {q[1]:.2f}  0.9 {q[2]:.2f}  most"
                 f" {q[3]:.2f}; {len(found[rtol])} run, CPU s/s {np.median(cpu[f'{rtol:g}']):.3f}"
             )
-    lines.append(f"links {n}: CPU s/s {np.median(cpu['links'] or [0.0]):.2f}")
+    if own:
+        q = np.quantile(own, (0.1, 0.5, 0.9, 1.0))
+        lines.append(
+            f"{n:5d} links  : 0.1 {q[0]:.2f}  median {q[1]:.2f}  0.9 {q[2]:.2f}  most {q[3]:.2f};"
+            f" {len(own)} run, CPU s/s {np.median(cpu['links']):.3f}"
+        )
     lines += [f"{len(without)} without a reference of links", *without]
     lines += [f"{len(refused)} refused", *refused]
     for rtol in RTOLS:
