@@ -151,12 +151,15 @@ class Ale(Mesh):
         pressing = np.empty_like(m)
         pressing[..., spans] = pressing_span
         centrifugal = self.linear_density * mean**2 / stretch[..., arcs]
-        pressing[..., arcs] = tension[..., arcs] - centrifugal
-        held = (
-            self.held
-            if self.held is not None
-            else self.boundary(pressing[..., arcs], pressing_span, geo.wrap)
-        )
+        outward = 0.5 * self.s[of] * dot(self.g, geo.nn + geo.nn[..., nxt, :])[..., arcs]
+        lifts = self.linear_density * m[..., arcs] * outward / angle
+        pressing[..., arcs] = tension[..., arcs] - centrifugal - lifts
+        held = self.held
+        if held is None:
+            waves = self.modes * math.pi / geo.span[..., None]
+            slope = waves * (a + self.offset(geo.span) - static)  # of what waves add to rest
+            lifted = (slope.sum(axis=-1), (-((-1.0) ** self.modes) * slope).sum(axis=-1))
+            held = self.boundary(pressing[..., arcs], pressing_span, geo.wrap, lifted)
         share, cuts = held[..., 0, :, :], held[..., 1, :, :]
         normal = 0.5 * (np.maximum(0.0, pressing[..., arcs]) * angle)[..., None, :] * share
         return Axial(
@@ -165,10 +168,12 @@ class Ale(Mesh):
             share=share, cuts=cuts, normal=normal, apart=rate, static=static, path=path,
         )  # fmt: skip
 
-    def boundary(self, own: Array, pressing: Array, wrap: Array) -> Array:
+    def boundary(
+        self, own: Array, pressing: Array, wrap: Array, lifted: tuple[Array, Array]
+    ) -> Array:
         """W, and what lies of a cell as fractions of it, at both ends of what lies of the cells on
-        arcs (..., 2, 2, N_arc), from H of the cells and of the spans: the belt touches from e on.
-        Load and its first moment are kept in each cell. [3]
+        arcs (..., 2, 2, N_arc): the belt touches from e on, R times the angle further by which
+        waves lift the spans at both ends. Load and its first moment are kept in each cell. [3]
         """
         ei, of = self.bending_stiffness, self.arc_pulley
         if ei == 0.0 or not self.boundary_layers:
@@ -186,7 +191,9 @@ class Ale(Mesh):
             q = np.sqrt(np.maximum(square - 0.25 * force / ei, 1e-6 * square))
             e = np.minimum(np.sqrt(ei / force) - p / square, 0.45 * whole)
             ends.append((e, p, q, (1.0 + p * e) / q))
-        first, last = ends[0][0], whole - ends[1][0]
+        turned = np.roll(lifted[1], 1, axis=-1)[..., of], lifted[0][..., of]
+        rolls = (self.s * self.radii)[of] * np.stack(turned)
+        first, last = np.clip(rolls + np.stack([end[0] for end in ends]), 0.0, 0.45 * whole)
 
         def more(x: Array, end: tuple[Array, ...]) -> tuple[Array, Array]:
             """What is carried more than H/R up to x behind the touching point, less what it is far
@@ -199,12 +206,12 @@ class Ale(Mesh):
 
         def carried(s: Array) -> tuple[Array, Array]:
             """Of both ends together, from the start to s."""
-            one, other = more(s - first, ends[0]), more(last - s, ends[1])
+            one, other = more(s - first, ends[0]), more(whole - last - s, ends[1])
             return one[0] - other[0], one[1] + other[1]
 
         part = whole / self.on[of]
         begin = self.fraction[self.arcs] * whole
-        s_0, s_1 = np.clip(begin, first, last), np.clip(begin + part, first, last)
+        s_0, s_1 = np.clip(begin, first, whole - last), np.clip(begin + part, first, whole - last)
         lies = s_1 - s_0 > 0.02 * part
         (c_0, sum_0), (c_1, sum_1) = carried(s_0), carried(s_1)
         mean = (sum_1 - sum_0) / np.where(lies, s_1 - s_0, 1.0)

@@ -144,3 +144,22 @@ def test_its_steps_are_those_of_the_oracle() -> None:
     for name in ("m", "v", "mu", "a", "p", "omega"):
         ours, theirs = np.ravel(getattr(found.final_state, name)), np.ravel(getattr(expected, name))
         np.testing.assert_allclose(ours, theirs, atol=1e-9 * np.abs(theirs).max(), err_msg=name)
+
+
+@pytest.mark.parametrize("scene", [scene_u, sliding_scene])
+def test_it_hangs_at_rest_under_its_weight(scene: Any) -> None:
+    """Without friction nothing moves, but for what the energy of bending has of a stretch that
+    changes by 1e-5 along an arc, 0.05 m/s^2; spans sag as strings do.
+    """
+    params = attrs.evolve(flowing(scene().params), gravity=(0.0, -9.81))
+    state = bd.settle(params, friction=False)
+    rate = params._model.rate(state._to_core(params), np.zeros(len(params.pulleys)))
+    assert np.abs(rate["v"]).max() < 0.01 * 9.81
+    assert np.abs(rate["p"]).max() < 1e-5 * 9.81
+    assert np.abs(rate["travel_speed"]).max(initial=0.0) < 1e-5 * 9.81
+    still = bd.settle(attrs.evolve(params, gravity=(0.0, 0.0)), friction=False)
+    model = on_mesh_of(params)
+    span = model.geometry(0.0, model.pack()).span
+    sags = np.reshape(state.a - still.a, (len(span), -1))[:, 0]
+    weight = params.belt.linear_density * 9.81 / model.h_0
+    np.testing.assert_allclose(np.abs(sags), weight * span**2 * 4.0 / np.pi**3, rtol=0.1)

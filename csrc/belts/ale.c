@@ -341,30 +341,70 @@ static double lay_cell(const bd_ale *ale, const bd_ale_arc *arc, double pressing
   return m;
 }
 
-double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state *y) {
-  double stretch = 1.0, length = 0.0;
+static double span_stretch(const bd_ale *ale, double pressing, double flow) {
+  double stretch = 1.0;
   for (int turn = 0; turn < 50; ++turn) {
     stretch = 1.0 + (pressing + ale->density * flow * flow * stretch) / ale->axial;
   }
+  return stretch;
+}
+
+/* By how much H of a cell is more than that of the first one for the weight of the metres y has,
+ * into `total`. The loop is closed; what its nodes leave over of that is spread over all. */
+static void hang(bd_ale *ale, const bd_ale_state *y) {
+  double sum = 0.0;
+  for (int pass = 0; pass < 2; ++pass) {
+    const double left = pass == 0 ? 0.0 : sum / ale->cells;
+    sum = 0.0;
+    for (int j = 0; j < ale->np; ++j) {
+      const bd_ale_arc *arc = &ale->arcs[j], *behind = &ale->arcs[arc->before];
+      double before = y->m[behind->begin + behind->n];
+      for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
+        const double mass = 0.5 * ale->density * (before + y->m[k]);
+        before = y->m[k];
+        sum -= mass * (ale->gravity[0] * ale->tx[k] + ale->gravity[1] * ale->ty[k]) + left;
+        ale->total[k] = sum;
+      }
+    }
+  }
+}
+
+double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state *y) {
+  double length = 0.0;
+  hang(ale, y);
   for (int j = 0; j < ale->np; ++j) {
     bd_ale_arc *arc = &ale->arcs[j];
     bd_ale_span *span = &ale->spans[j];
-    double slope, stands, falls, low, rho;
-    const double m = lay_cell(ale, arc, pressing, flow, stretch, &low, &rho);
+    const bd_ale_arc *behind = &ale->arcs[arc->before];
     const int last = arc->begin + arc->n;
+    const double H = pressing + ale->total[last], stretch = span_stretch(ale, H, flow);
+    const double of_last =
+        span_stretch(ale, pressing + ale->total[behind->begin + behind->n], flow);
+    double slope, stands, falls, low = of_last, rho = arc->radius, bent = 0.0;
     for (int k = arc->begin; k < last; ++k) {
-      y->m[k] = m;
-      y->v[k] = flow * (k > arc->begin ? low : 0.5 * (low + stretch));
+      const double before = low;
+      if (k == arc->begin || ale->total[k] != ale->total[k - 1]) {
+        y->m[k] = lay_cell(ale, arc, pressing + ale->total[k], flow, of_last, &low, &rho);
+      } else {
+        y->m[k] = y->m[k - 1];
+      }
+      y->v[k] = flow * 0.5 * (before + low);
+      length += y->m[k];
     }
     y->v[last] = flow * 0.5 * (low + stretch);
-    y->m[last] =
-        (span->length + bd_ale_run_off(ale, span, pressing, &slope, &stands, &falls)) / stretch;
+    const double x = bd_ale_run_off(ale, span, H, &slope, &stands, &falls);
     for (int n = 0; n < ale->modes; ++n) {
-      y->a[j * ale->modes + n] = span->rest[n] - span->offset[n];
+      const double k2 = span->wave[n] * span->wave[n];
+      const double sags =
+          4.0 * ale->odd[n] * span->sag * ale->density / stretch / ((H + span->stiff[n] * k2) * k2);
+      const double ab = span->rest[n] + sags;
+      bent += 0.25 * span->length * k2 * ab * ab;
+      y->a[j * ale->modes + n] = ab - span->offset[n];
       y->p[j * ale->modes + n] = span->moved[n];
     }
+    y->m[last] = (span->length + x + bent - stands) / stretch;
     arc->axis.omega = arc->sense * flow * low / rho;
-    length += arc->n * m + y->m[last];
+    length += y->m[last];
   }
   return length;
 }
@@ -372,19 +412,17 @@ double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state 
 /* Secants, from the tension at rest: a belt that is too short by a share has that times EA more. */
 double bd_ale_start(bd_ale *ale, double length, double speed, const bd_ale_state *y) {
   double H = ale->rest, before = 0.0, short_before = 0.0;
+  bd_ale_lay(ale, H, speed, y); /* metres, to be weighed */
   for (int turn = 0; turn < 50; ++turn) {
     double flow = speed;
     for (int k = 0; k < 50; ++k) {
       flow = speed / (1.0 + (H + ale->density * flow * speed) / ale->axial);
     }
     const double shorter = bd_ale_lay(ale, H, flow, y) / length - 1.0;
-    if (fabs(shorter) < 4e-16) {
+    if (fabs(shorter) < 4e-16 || (turn > 0 && !(fabs(H - before) > 1e-12 * ale->rest))) {
       return H;
     }
     const double slope = turn == 0 ? -1.0 / ale->axial : (shorter - short_before) / (H - before);
-    if (turn > 3 && !(fabs(shorter / slope) > 1e-14 * ale->rest)) {
-      return H;
-    }
     before = H;
     short_before = shorter;
     H = fmax(0.5 * H, H - shorter / slope);

@@ -121,6 +121,8 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
   const vec none = splat(0.0), half = splat(0.5), one = splat(1.0), r0 = splat(outside);
   const vec angle = splat(arc->cell_angle), per_r0 = splat(1.0 / outside);
   const vec bending = splat(0.5 * ale->bending);
+  const double outward = 0.5 * ale->density * arc->sense / arc->cell_angle;
+  const vec gx = splat(outward * ale->gravity[0]), gy = splat(outward * ale->gravity[1]);
   for (int k = arc->begin; k < arc->begin + arc->n; k += WIDTH) {
     const vec per_m = one / load(y->m + k), q = angle * per_m;
     const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
@@ -140,7 +142,10 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
     store(ale->stretch + k, stretch);
     store(ale->elastic + k, elastic);
     store(ale->tension + k, tension);
-    store(ale->pressing + k, tension - momentum / stretch);
+    const vec tx = load(ale->tx + k) + load_unaligned(ale->tx + k + 1);
+    const vec ty = load(ale->ty + k) + load_unaligned(ale->ty + k + 1);
+    const vec lifts = load(y->m + k) * fnma_(gy, tx, gx * ty);
+    store(ale->pressing + k, tension - momentum / stretch - lifts);
     store(ale->bent + k, load(ale->is_cell + k) * bending * q * q);
   }
 }
@@ -219,27 +224,37 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
 
 /* --- the ends of wraps ----------------------------------------------------------------------- */
 
-/* An end of a wrap: the belt touches from `touch` = e on. There its pressure begins, and what it
- * lacks stands further in, as what a beam does that is bent from 1 / R to none. */
+/* An end of a wrap: the belt touches from e on. There its pressure begins, and what it lacks stands
+ * further in, as what a beam does that is bent from 1 / R to none. As waves lift the span off its
+ * line by an angle, the wrap is that much shorter, and all of its end stands R times it further in.
+ */
 typedef struct wrap_end {
-  double touch, p, q, over; /* of exp(-p x) (cos, sin)(q x); what goes with the sine */
+  double e, p, q, over; /* of exp(-p x) (cos, sin)(q x); what goes with the sine */
+  double touch;         /* behind the line's tangent point */
 } wrap_end;
 
-INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int span, double most) {
-  const double H = fmax(ale->spans[span].pressing, BD_ALE_LEAST * ale->rest), EI = ale->bending;
+INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int from, double most) {
+  const bd_ale_span *span = &ale->spans[from];
+  const double H = fmax(span->pressing, BD_ALE_LEAST * ale->rest), EI = ale->bending;
   const double c1 = ale->quadratic, c2 = ale->linear;
   const double stiff = 0.5 * (c2 + sqrt(c2 * c2 + 4.0 * c1 * H / arc->radius)); /* N / d */
   const double square = 0.5 * sqrt(stiff / EI), along = 0.25 * H / EI;
   wrap_end end = {.p = sqrt(square + along), .q = sqrt(fmax(square - along, 1e-6 * square))};
-  end.touch = fmin(sqrt(EI / H) - end.p / square, most);
-  end.over = (1.0 + end.p * end.touch) / end.q;
+  double lifted = 0.0;
+  for (int n = 0; n < ale->modes; ++n) {
+    const double slope = span->wave[n] * (span->ab[n] - span->rest[n]);
+    lifted += arc == &ale->arcs[from] || n % 2 == 0 ? slope : -slope;
+  }
+  end.e = fmin(sqrt(EI / H) - end.p / square, most);
+  end.over = (1.0 + end.p * end.e) / end.q;
+  end.touch = fmin(fmax(0.0, end.e + arc->side * arc->radius * lifted), most);
   return end;
 }
 
 /* What is carried more than H / R from x behind the touching point on, less, over that; and its
  * integral, both 0 far from there. */
 INLINE void carry_end(const wrap_end *end, double x, double *carried, double *sum) {
-  const double e = end->touch, p = end->p, q = end->q, B = end->over, fades = exp(-p * x);
+  const double e = end->e, p = end->p, q = end->q, B = end->over, fades = exp(-p * x);
   const double co = fades * cos(q * x), si = fades * sin(q * x);
   *carried = -e * co - B * si;
   *sum = (e * (p * co - q * si) + B * (p * si + q * co)) / (p * p + q * q);
