@@ -306,7 +306,7 @@ def test_a_run_is_the_oracles(name: str, mesh: str) -> None:
     friction = bd.Coulomb(mu=0.8, v_reg=0.05)  # without a memory: nothing resets
     soft = {"axial_stiffness": 7e3, "mesh": mesh}
     contact = bd.Contact(linear=5e6, damping=500.0)
-    params = two(COUPLINGS[name], 30, friction=friction, belt_changes=soft, contact=contact)
+    params = two(COUPLINGS[name], 20, friction=friction, belt_changes=soft, contact=contact)
     load = bd.PiecewiseLinear(
         [0.0, 0.001, 0.002, 0.005, 0.0055], [[-2, 2], [-2, 2], [2, -8], [2, -8], [-2, 3]]
     )
