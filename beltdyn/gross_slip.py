@@ -67,7 +67,7 @@ def gross_slip(
     carried = np.abs(_per_pulley(friction, bins, n_p))
     most = kinetic * _per_pulley(normal, bins, n_p)
     # In slip no law has less than the kinetic friction.
-    for k in np.flatnonzero((carried >= SATURATED * most).any(axis=0)):
+    for k in np.flatnonzero((carried >= SATURATED * most).any(axis=0)).tolist():
         law = params.friction_on(k)
         held = None if law is None else in_slip(law, float(kinetic[k]), velocity)
         if held is not None:
