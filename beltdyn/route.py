@@ -27,7 +27,7 @@ class Route:
         leave: Points at which it leaves (n_p, 2) [m].
         wraps: Angles over which it lies on each (n_p,) [rad], > 0.
         spans: Lengths of the free spans (n_p,) [m].
-        senses: In which sense the belt turns round each as its links are numbered (n_p,): +1
+        senses: In which sense the belt turns round each in the order of its numbering (n_p,): +1
             counter-clockwise, -1 clockwise. A pulley whose rim goes with the belt at the speed v
             has the angular velocity ``sense v / radius``.
         length: Of the whole line [m]. A belt is shorter by its strain.
@@ -46,7 +46,9 @@ class Route:
 
     def __str__(self) -> str:
         crossed = ", crossed" if self.turns == 0 else ""
-        rows = [f"Belt line of {self.length:.6g} m{crossed}; turning as its links are numbered:"]
+        rows = [
+            f"Belt line of {self.length:.6g} m{crossed}; turning in the order of its numbering:"
+        ]
         for k, (wrap, span) in enumerate(zip(self.wraps, self.spans, strict=True)):
             sense = "counter-clockwise" if self.senses[k] > 0 else "clockwise"
             rows.append(

@@ -33,7 +33,7 @@
   X(belt, bending_stiffness, NONNEGATIVE, "N m^2", "EI")                                           \
   X(belt, bending_damping, NONNEGATIVE, "N m^2 s", "eta I; 0 in the paper")
 #define BD_PULLEY(X)                                                                               \
-  X(pulley, radius, POSITIVE, "m", "radius on which the link centres run, r_p")                    \
+  X(pulley, radius, POSITIVE, "m", "radius on which the belt runs, r_p")                           \
   X(pulley, inertia, POSITIVE, "kg m^2", "moment of inertia about the axis, I")
 #define BD_DRAG(X)                                                                                 \
   X(drag, coulomb, NONNEGATIVE, "N m", "Coulomb bearing drag, the same at any speed")              \

@@ -207,6 +207,14 @@ def test_it_is_verified_by_other_cells() -> None:
     assert accuracy["tension"].total < 0.02 and accuracy["creep"].total < 0.05
 
 
+def test_what_accuracy_costs_of_it() -> None:
+    """Implicit methods alone; errors are known far below those that links have on their meshes."""
+    found = bd.accuracy.study(SCENE._replace(t_end=0.03), rtols=[1e-2, 1e-3], n_bodies=[19, 38])
+    assert {row.setting.method for row in found.done()} == {"auto", "rodas4", "lbdf2"}
+    assert found.space_floor["tension"] < 2e-3 and found.time_floor[38]["tension"] < 1e-3
+    assert "19, 38 cells" in str(found) and "link" not in str(found) + found.table()
+
+
 def test_the_command_line_takes_it() -> None:
     """Any scene on the mesh asked for, with cells that are chosen."""
     ran = CliRunner().invoke(main, ["run", "unequal-pulleys", "--mesh", "ale", "--t-end", "0.02"])

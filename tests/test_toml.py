@@ -145,7 +145,7 @@ DEEP, HUGE = "not valid TOML for a drive: nested too deeply", "0x" + "f" * 5000
         ("center = [0.29, 0.0]", "center = [0.29]",
          "pulleys[1].center must be a pair of real numbers (m), got [0.29]"),
         ("center = [0.29, 0.0]\nradius = 0.1", "center = [0.29, 0.0]\nradius = -0.1",
-         "pulleys[1].radius must be > 0 (radius on which the link centres run, r_p), got -0.1 m"),
+         "pulleys[1].radius must be > 0 (radius on which the belt runs, r_p), got -0.1 m"),
         ("mu_k = 1", "mu_k = nan", "friction.mu_k must be finite, got nan"),
         (GRAVITY, "gravity = [0, inf]", "gravity[1] must be finite (m/s^2), got inf"),
         ("t_end = 0.5", "t_end = 0", "t_end must be > 0 s, got 0 s"),

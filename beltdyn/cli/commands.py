@@ -342,6 +342,7 @@ def _check_checkpoint(
 
 @main.command("accuracy")
 @click.argument("scene")
+@_mesh_option
 @click.option(
     "--quantity",
     type=click.Choice(QUANTITIES),
@@ -363,6 +364,7 @@ def _check_checkpoint(
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def study_accuracy(
     scene: str,
+    mesh: str | None,
     quantity: str,
     error: float,
     out: Path | None,
@@ -380,7 +382,7 @@ def study_accuracy(
     outputs.check()
     kept = "" if store is None else f"; finished runs are in {store}"
     with reported("read or write", kept):
-        found = scenes.find(scene)
+        found = _find(scene, mesh)
         options: dict[str, Any] = {}
         with interruptible(), silenced():
             if quick:

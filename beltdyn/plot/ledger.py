@@ -14,7 +14,7 @@ __all__ = ["energy"]
 _LOSSES = (
     ("friction_loss", "friction"),
     ("contact_loss", "contact dampers"),
-    ("joint_loss", "joint dampers"),
+    ("joint_loss", "damping of the belt"),
     ("drag_loss", "bearing drag"),
 )
 

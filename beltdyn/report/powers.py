@@ -16,7 +16,7 @@ __all__ = ["PATHS", "power_rows"]
 #: Name of what axes on paths put in or take off.
 PATHS = "axes that follow a path"
 _LOSSES = {
-    "joint_loss": "damping in the belt's joints",
+    "joint_loss": "damping of the belt",
     "contact_loss": "damping in the contact",
     "friction_loss": "friction on the pulleys",
     "drag_loss": "bearing drag",
@@ -80,8 +80,9 @@ def power_rows(
     if path != 0.0:
         rows.append((PATHS, "in" if path < 0.0 else "out", abs(path)))
     lost, held = 0.0, rate(bristles)
+    flows = window.params._belt_facts["flows"]  # whose contact has no damper
     for term, text in _LOSSES.items():
-        if getattr(energy, term, None) is None:
+        if getattr(energy, term, None) is None or (term == "contact_loss" and flows):
             continue
         power = rate(getattr(energy, term)) - (held if term == "mount_loss" else 0.0)
         lost += power
