@@ -80,9 +80,9 @@ def extension() -> Any:
         "setuptools.modified": SimpleNamespace(newer_group=None),
     }
     with mock.patch.dict(sys.modules, cast(Any, stubs)):
-        names = runpy.run_path(str(ROOT / "setup.py"))
+        runpy.run_path(str(ROOT / "setup.py"))
     module = described["ext_modules"][0]
-    module.sources = [source for source in module.sources if Path(source) not in names["LEVELS"]]
+    module.sources = [source for source in module.sources if "_avx" not in Path(source).name]
     module.define_macros = [one for one in module.define_macros if one[0] != "BD_X86_LEVELS"]
     return module
 
