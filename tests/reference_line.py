@@ -55,9 +55,8 @@ def spans_away(
 
 
 def depth(pressure: float, contact: tuple[float, float, float]) -> float:
-    """Positive root p of c1' p^2 + c2' p = pressure [N/m]."""
-    quadratic, linear = contact[:2]
-    return 2.0 * pressure / (linear + math.sqrt(linear**2 + 4.0 * quadratic * pressure))
+    """Root p of c1' p^2 + c2' p = pressure [N/m]."""
+    return float(np.roots([*contact[:2], -pressure]).real.max())
 
 
 def tension_at_rest(

@@ -200,7 +200,7 @@ def with_its_like(name: str) -> tuple[str, ...]:
     return tuple(one for one in table.names() if (one in SOME) == (name in SOME))
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(4)
 @of_each
 def test_a_stopped_run_goes_on_in_another_process_as_if_it_were_not(name: str) -> None:
     records, samples, end = stopped(with_its_like(name))[name]
@@ -211,7 +211,7 @@ def test_a_stopped_run_goes_on_in_another_process_as_if_it_were_not(name: str) -
         assert same_bits(final, end)
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(4)
 @of_each
 def test_stopping_changes_nothing(name: str) -> None:
     result, one = ran(name).result, stopped(with_its_like(name))[name]
@@ -219,7 +219,7 @@ def test_stopping_changes_nothing(name: str) -> None:
     np.testing.assert_array_equal(one.end["x"], result.final_state.x)
 
 
-@pytest.mark.one_in(3)
+@pytest.mark.one_in(4)
 @of_each
 def test_the_same_bits_in_another_process(name: str) -> None:
     assert child(with_its_like(name))[name][0] == bits_of(*ran(name)[1:])
