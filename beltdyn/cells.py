@@ -109,7 +109,7 @@ def instead(params: D) -> D | None:
         belt = attrs.evolve(params.belt, mesh=CHOOSE[0], model="auto", n_bodies=None)
         other: D = attrs.evolve(params, belt=belt)  # type: ignore[misc]
         return None if any(limits(other)) else other
-    except (TypeError, ValueError):
+    except (RuntimeError, TypeError, ValueError):  # nor one that does not come to rest
         return None
 
 

@@ -231,11 +231,11 @@ def hint(result: Result, rtol: float) -> tuple[str, ...]:
     times = cells.cheaper(params, max(0, steps - stats.nlu), stats.nlu, rtol, time)
     if not times or (other := cells.instead(params)) is None:
         return ()
-    tension = result.span_tension if result._has("span_tension") else np.zeros(0)
-    tension = np.where(np.isnan(tension), params.info["strain_tension"], tension)
-    limits = cells.seen(other, tension, np.full(result.t.size, seen.speed), None)
-    if any(code == "near_slack" for code, *_ in limits):
-        return ()
+    if result._has("span_tension"):  # NaN where no link of a span is free
+        tension = np.nan_to_num(result.span_tension, nan=params.info["strain_tension"])
+        limits = cells.seen(other, tension, np.full(result.t.size, seen.speed), None)
+        if any(code == "near_slack" for code, *_ in limits):
+            return ()
     figures = times, cells.landings(params, seen.speed), steps / time
     shown = [f"{rounded(one, None)[0]:g}" for one in figures]
     return (

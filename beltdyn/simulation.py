@@ -422,7 +422,8 @@ def _simulate(
             accuracy = attrs.evolve(accuracy, notes=(*accuracy.notes, *notes))
             seen = attrs.evolve(seen, accuracy=accuracy)
             of_core = [one for one in of_core if one.code != "chatter"]
-        if step is None and not any(one.code == "slack_span" for one in of_samples):
+        slack = any(one.code == "slack_span" for one in of_samples)
+        if step is None and status != "failed" and not slack:
             notes = (*seen.accuracy.notes, *observed.hint(seen, rtol))
             seen = attrs.evolve(seen, accuracy=attrs.evolve(seen.accuracy, notes=notes))
         of_file = () if recorder is None else recorder.warnings

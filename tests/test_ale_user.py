@@ -188,6 +188,9 @@ def test_it_is_told_of_where_it_would_be_much_cheaper(monkeypatch: pytest.Monkey
         assert len(told) == (times > 0) and not flows.accuracy.notes
         assert links.stats.steps > times * flows.stats.steps
         assert all(one in " ".join(str(links.report()).split()) for one in told)
+    fast, few = {"motor": bd.PiecewiseLinear([0.0], [400.0])}, ("pulleys.omega",)
+    short = bd.simulate(LINKS, SCENE.torque_fn, 0.01, fast, rtol=1e-2, outputs=few)
+    assert short.accuracy.notes[0].startswith('Belt(mesh="ale")')  # with no tension to look at
     paper = attrs.evolve(LINKS, belt=attrs.evolve(LINKS.belt, mesh="paper"))
     tensioned = attrs.evolve(LINKS, tensioning=bd.Tensioning(friction=True))
     for drive in (DRIVE, paper, tensioned):
