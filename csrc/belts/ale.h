@@ -109,12 +109,14 @@ typedef struct bd_ale_belt {
   double *carried, *inertia; /* (mounts, mounts) */
   double *forces;            /* (2, mounts), at rest */
   double *renewed;           /* when ends of wraps were, last; NaN: in no step */
+  double *seen;              /* the state that the last rate is of, */
+  int known;                 /* 1: if it still is; 2: with forces on axes that stand */
 } bd_ale_belt;
 
 /* Between state vectors and slabs. */
 void bd_ale_read(const bd_plan *plan, const double *y, const bd_ale_state *slabs);
 void bd_ale_write(const bd_plan *plan, const bd_ale_state *slabs, double *y);
-/* The rate at y, axes where the plan has them. */
+/* The rate at y, axes where the plan has them; it is kept until another one is asked for. */
 void bd_ale_evaluate(const bd_plan *plan, const double *y);
 /* The same, with forces on axes that stand. */
 const bd_ale *bd_ale_look(const bd_plan *plan, const double *y);

@@ -96,5 +96,4 @@ void bd_ale_linearise_axes(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kern
       difference(newton, ale, kernels, y, dy, scratch, k / 2, k % 2);
     }
   }
-  bd_ale_rate(ale, kernels, y, scratch);
 }

@@ -53,6 +53,7 @@ static void carve_blocks(bd_carver *carver, bd_ale_ring *ring, const bd_ale_driv
   BD_CARVE(carver, ring->blocks, n);
   BD_CARVE(carver, ring->from, fours(last) * at);
   BD_CARVE(carver, ring->scratch, largest * last);
+  BD_CARVE(carver, ring->lanes, at * BD_LANES);
   for (int j = 0, b = n - 1; j < np; ++j) {
     const int cells = drive->pulleys[j].cells, before_j = (j + np - 1) % np;
     for (int k = 0; k < cells; ++k, b = (b + 1) % n) {

@@ -131,6 +131,7 @@ static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
     BD_CARVE(carver, states[k], bd_ale_state_size(model->drive, model->lay.states));
   }
   BD_CARVE(carver, to->slot, model->lay.n);
+  BD_CARVE(carver, to->seen, model->lay.work);
   BD_CARVE(carver, to->carried, model->lay.nm * model->lay.nm);
   BD_CARVE(carver, to->inertia, model->lay.nm * model->lay.nm);
   BD_CARVE(carver, to->forces, 2 * model->lay.nm);
@@ -259,9 +260,15 @@ void bd_ale_put_axes(const bd_plan *plan, const double *y) {
 
 void bd_ale_evaluate(const bd_plan *plan, const double *y) {
   bd_ale_belt *belt = plan->ale;
-  bd_ale_put_axes(plan, y);
-  bd_ale_read(plan, y, &belt->y);
-  bd_ale_rate(&belt->ale, belt->kernels, &belt->y, &belt->dy);
+  const size_t size = (size_t)plan->model->lay.work * sizeof *y;
+  const int asked = belt->ale.moving ? 2 : 1;
+  if (belt->known < asked || memcmp(belt->seen, y, size) != 0) {
+    bd_ale_put_axes(plan, y);
+    bd_ale_read(plan, y, &belt->y);
+    bd_ale_rate(&belt->ale, belt->kernels, &belt->y, &belt->dy);
+    memcpy(belt->seen, y, size);
+    belt->known = asked;
+  }
 }
 
 /* The same, with forces on axes that stand. */
@@ -354,6 +361,7 @@ static void list(bd_plan *plan, const double *y, double h) {
     bd_mounts_put(plan, y);
     bd_ale_evaluate(plan, y);
     plan->ale->kernels->freeze(&plan->ale->ale, NULL);
+    plan->ale->known = 0;
     *plan->ale->renewed = (double)NAN;
     plan->search.travelled = 0.0;
   }
@@ -481,6 +489,7 @@ static int after_step(bd_plan *plan, double t, double *y, double tolerance, int 
   belt->ale.elapsed = *belt->renewed <= t ? t - *belt->renewed : 0.0;
   *belt->renewed = t;
   belt->kernels->freeze(&belt->ale, &belt->y);
+  belt->known = 0;
   bound_states(plan, tolerance, changed);
   note_changes(plan, y);
   *changed |= belt->ale.bending > 0.0;

@@ -46,6 +46,7 @@ static int lay(const bd_plan *plan, double speed, const double *y, double *left_
   bd_mounts_put(plan, y);
   bd_ale_put_axes(plan, y);
   belt->kernels->place(&belt->ale);
+  belt->known = 0;
   if (!isfinite(bd_ale_start(&belt->ale, model->belt.length, speed, &belt->y))) {
     return 0;
   }

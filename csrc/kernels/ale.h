@@ -138,6 +138,7 @@ typedef struct bd_ale_ring {
   double g;
   bd_ale_block *blocks;
   double *from, *scratch; /* what the last block has of all others; a block of the largest size */
+  double *lanes;          /* unknowns of BD_LANES right-hand sides */
 } bd_ale_ring;
 
 typedef struct bd_ale_kernels {
@@ -155,6 +156,10 @@ typedef struct bd_ale_kernels {
                             const bd_ale_slopes *out);
   void (*factor)(const bd_ale_ring *ring);
   void (*solve)(const bd_ale_ring *ring, double *x);
+  /* Of n right-hand sides, `width` after one another; factors of these taken off x. */
+  void (*solve_all)(const bd_ale_ring *ring, int n, int width, double *x);
+  void (*deduct)(int unknowns, int n, int width, const double *columns, const double *factors,
+                 double *x);
 } bd_ale_kernels;
 
 extern const bd_ale_kernels bd_ale_baseline;

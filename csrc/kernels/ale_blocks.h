@@ -363,22 +363,155 @@ INLINE void solve_last(const bd_ale_ring *ring, double *x) {
   }
 }
 
-/* By blocks, right-hand side in, solution out. */
-static void solve(const bd_ale_ring *ring, double *x) {
-  const int middle = (ring->n - 1) / 2, end = ring->n - 2;
-  for (int b = 0; b < middle; ++b) {
-    solve_block(ring, b, 1, 0, 0, x);
-    if (end - b > middle) {
-      solve_block(ring, end - b, 0, 1, 0, x);
+/* --- several right-hand sides, a lane each ---------------------------------------------------- */
+
+/* Four rows of sum + a x. */
+INLINE void add_rows(const int lead, const int k, const double *a, const double *x, vec *sum) {
+  for (int l = 0; l < k; ++l) {
+    const vec factor = load(x + l * WIDTH);
+    for (int i = 0; i < QUAD; ++i) {
+      sum[i] = fma_(splat(a[l * lead + i]), factor, sum[i]);
     }
   }
-  solve_block(ring, middle, 1, 1, 0, x);
-  solve_last(ring, x);
-  solve_block(ring, middle, 0, 0, 1, x);
-  for (int b = middle - 1; b >= 0; --b) {
-    solve_block(ring, b, 0, 1, 1, x);
-    if (end - b > middle) {
-      solve_block(ring, end - b, 1, 0, 1, x);
+}
+
+INLINE void add_fours(const int lead, int k, const double *a, const double *x, vec *sum) {
+  if (k == QUAD) {
+    add_rows(lead, QUAD, a, x, sum);
+  } else {
+    add_rows(lead, k, a, x, sum);
+  }
+}
+
+/* As solve_block. */
+INLINE void solve_block_lanes(const bd_ale_ring *ring, int b, const int sides[2], const int back,
+                            const int lead, double *x) {
+  const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
+  double *const here = x + block->at * WIDTH;
+  vec sum[LARGEST];
+  for (int i = 0; i < lead; i += QUAD) {
+    for (int r = i; r < i + QUAD; ++r) {
+      sum[r] = back && r < block->n ? load(here + r * WIDTH) : splat(0.0);
     }
+    if (back) {
+      add_fours(lead, last->n, block->far + i, x + last->at * WIDTH, sum + i);
+    } else {
+      add_fours(lead, block->n, block->inverse + i, here, sum + i);
+    }
+    for (int side = 0; side < 2; ++side) {
+      const bd_ale_block *const near = beside(ring, b, side);
+      if (sides[side] && near != last) {
+        add_fours(lead, near->n, block->over[side] + i, x + near->at * WIDTH, sum + i);
+      }
+    }
+  }
+  for (int r = 0; r < block->n; ++r) {
+    store(here + r * WIDTH, sum[r]);
+  }
+}
+
+static void solve_lanes(const bd_ale_ring *ring, int b, int behind, int ahead, int back,
+                           double *x) {
+  const int lead = ring->blocks[b].lead, sides[2] = {behind, ahead};
+  if (lead == QUAD) {
+    solve_block_lanes(ring, b, sides, back, QUAD, x);
+  } else {
+    solve_block_lanes(ring, b, sides, back, lead, x);
+  }
+}
+
+static void solve_last_lanes(const bd_ale_ring *ring, double *x) {
+  const bd_ale_block *const last = &ring->blocks[ring->n - 1];
+  double *const here = x + last->at * WIDTH;
+  vec rhs[LARGEST], sum[LARGEST];
+  for (int i = 0; i < last->lead; i += QUAD) {
+    vec two[2 * QUAD];
+    for (int r = 0; r < QUAD; ++r) {
+      two[r] = i + r < last->n ? load(here + (i + r) * WIDTH) : splat(0.0);
+      two[QUAD + r] = sum[i + r] = splat(0.0);
+    }
+    for (int u = 0; u < last->at; ++u) {
+      add_rows(last->lead, 1, ring->from + u * last->lead + i, x + u * WIDTH, two + u % 2 * QUAD);
+    }
+    for (int r = 0; r < QUAD; ++r) {
+      rhs[i + r] = two[r] + two[QUAD + r];
+    }
+  }
+  for (int l = 0; l < last->n; ++l) {
+    for (int r = 0; r < last->n; ++r) {
+      sum[r] = fma_(splat(last->inverse[l * last->lead + r]), rhs[l], sum[r]);
+    }
+  }
+  for (int r = 0; r < last->n; ++r) {
+    store(here + r * WIDTH, sum[r]);
+  }
+}
+
+/* --- all blocks ------------------------------------------------------------------------------- */
+
+INLINE void solve_at(const bd_ale_ring *ring, int b, const int behind, const int ahead,
+                     const int back, double *x, const int lanes) {
+  if (lanes) {
+    solve_lanes(ring, b, behind, ahead, back, x);
+  } else {
+    solve_block(ring, b, behind, ahead, back, x);
+  }
+}
+
+/* From both ends to the middle, and back. */
+INLINE void solve_ring(const bd_ale_ring *ring, double *x, const int lanes) {
+  const int middle = (ring->n - 1) / 2, end = ring->n - 2;
+  for (int b = 0; b < middle; ++b) {
+    solve_at(ring, b, 1, 0, 0, x, lanes);
+    if (end - b > middle) {
+      solve_at(ring, end - b, 0, 1, 0, x, lanes);
+    }
+  }
+  solve_at(ring, middle, 1, 1, 0, x, lanes);
+  if (lanes) {
+    solve_last_lanes(ring, x);
+  } else {
+    solve_last(ring, x);
+  }
+  solve_at(ring, middle, 0, 0, 1, x, lanes);
+  for (int b = middle - 1; b >= 0; --b) {
+    solve_at(ring, b, 0, 1, 1, x, lanes);
+    if (end - b > middle) {
+      solve_at(ring, end - b, 1, 0, 1, x, lanes);
+    }
+  }
+}
+
+/* By blocks, right-hand side in, solution out. */
+static void solve(const bd_ale_ring *ring, double *x) {
+  solve_ring(ring, x, 0);
+}
+
+static void solve_all(const bd_ale_ring *ring, int n, int width, double *x) {
+  for (int first = 0; first < n; first += WIDTH) {
+    const int count = n - first < WIDTH ? n - first : WIDTH;
+    double *const columns = x + first * width;
+    for (int u = 0; u < ring->unknowns; ++u) {
+      for (int lane = 0; lane < WIDTH; ++lane) {
+        ring->lanes[u * WIDTH + lane] = lane < count ? columns[lane * width + u] : 0.0;
+      }
+    }
+    solve_ring(ring, ring->lanes, 1);
+    for (int u = 0; u < ring->unknowns; ++u) {
+      for (int lane = 0; lane < count; ++lane) {
+        columns[lane * width + u] = ring->lanes[u * WIDTH + lane];
+      }
+    }
+  }
+}
+
+static void deduct(int unknowns, int n, int width, const double *columns, const double *factors,
+                   double *x) {
+  for (int u = 0; u < unknowns; u += WIDTH) {
+    vec left = load(x + u);
+    for (int k = 0; k < n; ++k) {
+      left = fnma_(splat(factors[k]), load(columns + k * width + u), left);
+    }
+    store(x + u, left);
   }
 }

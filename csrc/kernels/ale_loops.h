@@ -28,4 +28,6 @@ const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL) = {
     .slopes = {slopes_NONE, BD_LAWS(ALE_SLOPES)},
     .factor = factor,
     .solve = solve,
+    .solve_all = solve_all,
+    .deduct = deduct,
 };

@@ -60,7 +60,7 @@ static void carve(bd_carver *carver, bd_newton_system *system, const bd_model *m
   BD_CARVE(carver, to->entry, unknowns);
   BD_CARVE(carver, to->bends, lay->nm);
   BD_CARVE(carver, to->inertia, lay->nm * lay->nm);
-  system->width = BD_HALO + unknowns;
+  system->width = BD_HALO + (unknowns + BD_LANES - 1) / BD_LANES * BD_LANES;
   BD_CARVE(carver, system->x, system->width);
   BD_CARVE(carver, system->border, bd_count_bodies(lay) * system->width);
   if (carver->base) {
@@ -78,14 +78,15 @@ static void linearise(bd_newton_system *system, const bd_plan *plan, const doubl
   bd_ale_belt *belt = plan->ale;
   bd_ale_evaluate(plan, y);
   bd_ale_linearise(&own->newton, &belt->ale, own->kernels, &belt->y, &belt->dy);
+  for (int m = 0; m < plan->model->lay.nm; ++m) {
+    const bd_ale_arc *arc = &belt->ale.arcs[plan->model->lay.mounted[m]];
+    own->bends[m] = arc->force[0] * arc->axis.bend[0] + arc->force[1] * arc->axis.bend[1];
+  }
   if (belt->ale.moving) {
     bd_ale_carried(plan, own->inertia);
     bd_ale_linearise_axes(&own->newton, &belt->ale, own->kernels, &belt->y, &belt->dy,
                           &belt->spare);
-  }
-  for (int m = 0; m < plan->model->lay.nm; ++m) {
-    const bd_ale_arc *arc = &belt->ale.arcs[plan->model->lay.mounted[m]];
-    own->bends[m] = arc->force[0] * arc->axis.bend[0] + arc->force[1] * arc->axis.bend[1];
+    belt->known = 0;
   }
 }
 
@@ -118,9 +119,14 @@ static void factor(bd_newton_system *system) {
   system->ale->kernels->factor(&system->ale->newton.ring);
 }
 
-static void solve(const bd_newton_system *system, const bd_layout *lay, double *v) {
+static void solve(const bd_newton_system *system, const bd_layout *lay, int n, double *v) {
+  const bd_ale_kernels *kernels = system->ale->kernels;
   (void)lay;
-  system->ale->kernels->solve(&system->ale->newton.ring, v);
+  if (n == 1) {
+    kernels->solve(&system->ale->newton.ring, v);
+  } else {
+    kernels->solve_all(&system->ale->newton.ring, n, system->width, v);
+  }
 }
 
 /* --- bodies ----------------------------------------------------------------------------------- */
@@ -238,15 +244,9 @@ static void finish(const bd_newton_system *system, const bd_plan *plan, int n,
   const struct bd_ale_system *own = system->ale;
   const int unknowns = own->newton.ring.unknowns;
   (void)plan;
-  double *const x = system->x;
-  for (int b = 0; b < n; ++b) {
-    const double factor = factors[b], *const column = columns + b * system->width;
-    for (int u = 0; factor != 0.0 && u < unknowns; ++u) {
-      x[u] -= factor * column[u];
-    }
-  }
+  own->kernels->deduct(unknowns, n, system->width, columns, factors, system->x);
   for (int u = 0; u < unknowns; ++u) {
-    c[own->entry[u]] = x[u];
+    c[own->entry[u]] = system->x[u];
   }
 }
 

@@ -247,9 +247,11 @@ static void nodes_factor(bd_newton_system *system) {
   system->ring_kernels->factor(&system->ring, &system->blocks.w);
 }
 
-static void nodes_solve(const bd_newton_system *system, const bd_layout *lay, double *v) {
-  system->ring_kernels->solve(&system->ring,
-                              (double *const[]){v, v + lay->stride, v + 2 * lay->stride});
+static void nodes_solve(const bd_newton_system *system, const bd_layout *lay, int n, double *v) {
+  for (int k = 0; k < n; ++k, v += system->width) {
+    system->ring_kernels->solve(&system->ring,
+                                (double *const[]){v, v + lay->stride, v + 2 * lay->stride});
+  }
 }
 
 void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double g, double h,
@@ -261,9 +263,9 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
   belt->factor(system);
   bd_newton_bodies(system, plan, g, damped);
   const int first = first_body(plan), n = count_bodies(plan), all = bd_count_bodies(lay);
+  belt->solve(system, lay, n, bd_newton_border(system, first));
   for (int j = 0; j < n; ++j) {
-    double *z = bd_newton_border(system, first + j);
-    belt->solve(system, lay, z);
+    const double *z = bd_newton_border(system, first + j);
     for (int i = 0; i < n; ++i) {
       system->matrix[i * n + j] = bd_freedom_of(plan, first + i).prescribed
                                       ? i == j
@@ -379,7 +381,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
   const bd_newton_belt *belt = model->belt_model->newton;
   double *x = system->x, *rhs = system->rhs;
   bd_newton_product(system, plan, c);
-  belt->solve(system, lay, x);
+  belt->solve(system, lay, 1, x);
   for (int body = first; body < first + n; ++body) {
     const int j = body < lay->np ? body : -1;
     const bd_freedom freedom = bd_freedom_of(plan, body);

@@ -67,7 +67,8 @@ struct bd_newton_belt {
   void (*fill)(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
                double *c, double mass);
   void (*factor)(bd_newton_system *system);
-  void (*solve)(const bd_newton_system *system, const bd_layout *lay, double *v);
+  /* Of the ring alone, n right-hand sides `width` after one another. */
+  void (*solve)(const bd_newton_system *system, const bd_layout *lay, int n, double *v);
   double (*row)(const bd_newton_system *system, const bd_plan *plan, int body, const double *v);
   /* Adds its part between bodies to the small matrix (n, n), inertias times `damped`. */
   void (*bodies)(const bd_newton_system *system, const bd_layout *lay, double damped, int n,
