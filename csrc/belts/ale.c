@@ -35,7 +35,6 @@ static void carve_slots(bd_carver *carver, double **block, int slots) {
 void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive) {
   bd_ale_table *tables;
   ale->np = drive->np;
-  ale->modes = drive->modes;
   ale->slots = bd_ale_first_slot(drive, drive->np);
   ale->cells = 0;
   for (int j = 0; j < drive->np; ++j) {
@@ -54,7 +53,7 @@ void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive) {
 
 size_t bd_ale_state_size(const bd_ale_drive *drive, int states) {
   const int block = BD_HALO + bd_ale_first_slot(drive, drive->np) + BD_LANES;
-  return (size_t)(block * (2 + 2 * states) + 2 * drive->np * drive->modes);
+  return (size_t)(block * (2 + 2 * states) + 2 * drive->np * BD_ALE_MODES);
 }
 
 bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block) {
@@ -65,7 +64,7 @@ bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block) {
   at.z[0] = at.v + stride;
   at.z[1] = at.z[0] + states * stride;
   at.a = at.z[1] + states * stride - BD_HALO;
-  at.p = at.a + ale->np * ale->modes;
+  at.p = at.a + ale->np * BD_ALE_MODES;
   return at;
 }
 
@@ -123,7 +122,7 @@ static void lay_table(const bd_ale *ale, int i, bd_ale_table *table) {
 static void make_modes(bd_ale *ale) {
   const double third[3] = {1.0 / 3.0, 1.0 / 6.0, 1.0 / 3.0};
   memcpy(ale->left_over, third, sizeof third);
-  for (int i = 0; i < ale->modes; ++i) {
+  for (int i = 0; i < BD_ALE_MODES; ++i) {
     const double n = i + 1, odd = i % 2 == 0 ? 1.0 : 0.0;
     ale->odd[i] = odd / (n * BD_PI);
     ale->parts[0][i] = 2.0 / (n * BD_PI);
@@ -131,7 +130,7 @@ static void make_modes(bd_ale *ale) {
     ale->left_over[0] -= 0.5 * ale->parts[0][i] * ale->parts[0][i];
     ale->left_over[1] -= 0.5 * ale->parts[0][i] * ale->parts[1][i];
     ale->left_over[2] -= 0.5 * ale->parts[1][i] * ale->parts[1][i];
-    for (int k = 0; k < ale->modes; ++k) {
+    for (int k = 0; k < BD_ALE_MODES; ++k) {
       const double r = k + 1;
       ale->gyro[i][k] = (i + k) % 2 == 1 ? 4.0 * n * r / (n * n - r * r) : 0.0;
     }
@@ -143,7 +142,7 @@ static void make_modes(bd_ale *ale) {
  * to exp(-x / l) / R, what H changes of that drives the waves. */
 static void stiffen_modes(const bd_ale *ale, bd_ale_span *span, double length) {
   const double EI = ale->bending, H = ale->rest, reach = sqrt(EI / H);
-  for (int n = 0; n < ale->modes; ++n) {
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
     const double turns = (n + 1) * BD_PI, straight = turns / length;
     double wave = straight;
     for (int k = 0; k < 60; ++k) {
@@ -244,14 +243,13 @@ static double bending_of_span(const bd_ale *ale, const bd_ale_span *span) {
   const double h = span->pressing, S = span->length, o_0 = span->tilt / ale->rest;
   double sum =
       sum_of_x(ale, span->table, h) + (span->tilt * span->tilt / h + o_0 * o_0 * h) / (2.0 * S);
-  double bent = 0.0, modes = 0.0;
-  for (int n = 0; n < ale->modes; ++n) {
+  double modes = 0.0;
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
     const double k2 = span->wave[n] * span->wave[n], ab = span->ab[n], a = span->rest[n];
-    bent += 0.25 * S * k2 * ab * ab;
     sum += 0.25 * S * a * a * k2 * (h + span->stiff[n] * k2);
     modes += 0.25 * S * span->stiff[n] * k2 * k2 * ab * ab - span->moment[n] * ab;
   }
-  return sum - h * (span->path - bent) + modes;
+  return sum - h * (span->path - span->bent) + modes;
 }
 
 static void energy_of_span(const bd_ale *ale, const bd_ale_state *y, int i, bd_ale_energy *sum) {
@@ -265,8 +263,8 @@ static void energy_of_span(const bd_ale *ale, const bd_ale_state *y, int i, bd_a
                       (ale->left_over[0] * first * first + 2.0 * ale->left_over[1] * first * last +
                        ale->left_over[2] * last * last) -
                   mass / 12.0 * apart * apart;
-  for (int n = 0; n < ale->modes; ++n) {
-    const double p = y->p[i * ale->modes + n] + c * span->ga[n];
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
+    const double p = y->p[i * BD_ALE_MODES + n] + c * span->ga[n];
     const double slope = span->wave[n] * span->ab[n];
     sum->lateral += 0.25 * mass * (p * p + c * c * (slope * slope - span->ga[n] * span->ga[n]));
   }
@@ -306,7 +304,7 @@ bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y) {
       const double damped = ale->tension[k] - ale->elastic[k];
       lost.axial += damped * damped * y->m[k] / ale->axial_damping;
     }
-    for (int n = 0; n < ale->modes; ++n) {
+    for (int n = 0; n < BD_ALE_MODES; ++n) {
       const double k2 = span->wave[n] * span->wave[n];
       lost.bending +=
           0.5 * ale->bending_damping * span->length * k2 * k2 * span->da[n] * span->da[n];
@@ -393,14 +391,14 @@ double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state 
     }
     y->v[last] = flow * 0.5 * (low + stretch);
     const double x = bd_ale_run_off(ale, span, H, &slope, &stands, &falls);
-    for (int n = 0; n < ale->modes; ++n) {
+    for (int n = 0; n < BD_ALE_MODES; ++n) {
       const double k2 = span->wave[n] * span->wave[n];
       const double sags =
           4.0 * ale->odd[n] * span->sag * ale->density / stretch / ((H + span->stiff[n] * k2) * k2);
       const double ab = span->rest[n] + sags;
       bent += 0.25 * span->length * k2 * ab * ab;
-      y->a[j * ale->modes + n] = ab - span->offset[n];
-      y->p[j * ale->modes + n] = span->moved[n];
+      y->a[j * BD_ALE_MODES + n] = ab - span->offset[n];
+      y->p[j * BD_ALE_MODES + n] = span->moved[n];
     }
     y->m[last] = (span->length + x + bent - stands) / stretch;
     arc->axis.omega = arc->sense * flow * low / rho;

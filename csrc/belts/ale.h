@@ -16,7 +16,7 @@ typedef struct bd_ale_pulley {
 
 /* A drive by its data per metre of belt; its tension at rest is known. */
 struct bd_ale_drive {
-  int np, modes, direction;
+  int np, direction;
   double linear_density, axial_stiffness, axial_damping, bending_stiffness, bending_damping;
   double quadratic, linear; /* c1', c2' */
   double gravity[2], rest;
@@ -84,11 +84,11 @@ void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale_
 /* At the state whose rate was the last to be evaluated. */
 void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_kernels *kernels,
                       const bd_ale_state *y, const bd_ale_state *dy);
-/* The columns of axes with a lever, by differences of rates in turn, which are written to
+/* The columns of these n axes, by differences of rates in turn, which are written to
  * `scratch`: of the rates that bd_ale_linearise has had. The last rate is another's afterwards. */
 void bd_ale_linearise_axes(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
                            const bd_ale_state *y, const bd_ale_state *dy,
-                           const bd_ale_state *scratch);
+                           const bd_ale_state *scratch, int n, const int *axes);
 /* All of a rate, W as it is. */
 void bd_ale_rate(bd_ale *ale, const bd_ale_kernels *kernels, const bd_ale_state *y,
                  const bd_ale_state *dy);

@@ -87,13 +87,13 @@ static int differs(const bd_ale_axis *axis, int of) {
 
 void bd_ale_linearise_axes(bd_ale_newton *newton, bd_ale *ale, const bd_ale_kernels *kernels,
                            const bd_ale_state *y, const bd_ale_state *dy,
-                           const bd_ale_state *scratch) {
-  for (int k = 0; k < 2 * ale->np; ++k) {
-    begin(newton, ale, k / 2, k % 2, differs(&ale->arcs[k / 2].axis, k % 2));
+                           const bd_ale_state *scratch, int n, const int *axes) {
+  for (int k = 0; k < 2 * n; ++k) {
+    begin(newton, ale, axes[k / 2], k % 2, differs(&ale->arcs[axes[k / 2]].axis, k % 2));
   }
-  for (int k = 0; k < 2 * ale->np; ++k) {
-    if (differs(&ale->arcs[k / 2].axis, k % 2)) {
-      difference(newton, ale, kernels, y, dy, scratch, k / 2, k % 2);
+  for (int k = 0; k < 2 * n; ++k) {
+    if (differs(&ale->arcs[axes[k / 2]].axis, k % 2)) {
+      difference(newton, ale, kernels, y, dy, scratch, axes[k / 2], k % 2);
     }
   }
 }

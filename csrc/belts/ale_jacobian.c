@@ -121,7 +121,7 @@ static void fill_cell(const filling *f, int j, int k) {
     }
   }
   /* a span's length is that of its modes as well */
-  for (int n = 0; n < ale->modes; ++n) {
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
     for (int r = 0; r <= 2 * states && k == 0; ++r) {
       last[(3 + n) * lead + r] = last[r] * stretch_by_mode(&ale->spans[arc->before], n);
     }
@@ -192,28 +192,29 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
   const bd_ale *ale = f->ale;
   const bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
-  const int slot = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = ale->modes;
-  const double m = f->y->m[slot], S = span->length, c = span->past, density = ale->density;
-  const double per_mp = span->stretch / density, per_mp_by = by->stretch / density;
+  const int slot = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = BD_ALE_MODES;
+  const double m = f->y->m[slot], per_S = 1.0 / span->length, c = span->past;
+  const double density = ale->density, per_mp = span->stretch / density, per_mp_by = by->stretch / density;
   const double fills = f->dy->m[slot] / m, fills_by = (by->fills - fills * by->m) / m;
   const double v[2] = {f->dy->v[slot], f->dy->v[after]};
   double dp[BD_ALE_MODES], first = 0.0, added = 0.0, lateral = 0.0;
   for (int n = 0; n < K; ++n) {
-    double ga_by = 0.0, gda = 0.0, gda_by = 0.0;
+    double ga_by = 0.0, gda_by = 0.0;
     for (int r = 1 - n % 2; r < K; r += 2) {
-      ga_by += ale->gyro[n][r] / S * by->a[r];
-      gda += ale->gyro[n][r] / S * span->da[r];
-      gda_by += ale->gyro[n][r] / S * by->p[r];
+      ga_by += ale->gyro[n][r] * by->a[r];
+      gda_by += ale->gyro[n][r] * by->p[r];
     }
+    ga_by *= per_S;
+    gda_by *= per_S;
     const double k2 = span->wave[n] * span->wave[n], k4 = k2 * k2, ab = span->ab[n];
     const double da = span->da[n], ga = span->ga[n], kappa = k2 * ab, kappa_by = k2 * by->a[n];
     const double own = span->dp[n] + span->quickens * ga; /* without c' */
     const double bends = span->stiff[n] * ab + ale->bending_damping * da;
     const double bends_by = span->stiff[n] * by->a[n] + ale->bending_damping * by->p[n];
-    dp[n] = -2.0 * (by->past * gda + c * gda_by) -
+    dp[n] = -2.0 * (by->past * span->gda[n] + c * gda_by) -
             (by->elastic * per_mp + span->elastic * per_mp_by - 2.0 * c * by->past) * kappa -
             (span->elastic * per_mp - c * c) * kappa_by -
-            k4 * (per_mp_by * bends + per_mp * bends_by) + 2.0 * span->moment[n] * per_mp_by / S +
+            k4 * (per_mp_by * bends + per_mp * bends_by) + 2.0 * span->moment[n] * per_mp_by * per_S +
             ale->odd[n] * 8.0 * ale->direction * span->turning * by->past -
             fills_by * (da + c * ga) - fills * (by->p[n] + by->past * ga + c * ga_by);
     first += dp[n] * ga + own * ga_by +
@@ -244,7 +245,7 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
 static void respond(const filling *f, int i, double *to, double fills, int end, double total) {
   const bd_ale_answer *moved = &f->newton->answers[i][end == 0 ? BD_ALE_FIRST : BD_ALE_LAST];
   const bd_ale_answer *filled = &f->newton->answers[i][BD_ALE_FILLS];
-  const int K = f->ale->modes;
+  const int K = BD_ALE_MODES;
   to[0] = fills;
   for (int k = 0; k < 2; ++k) {
     to[1 + k] = total * moved->v[k] + fills * filled->v[k];
@@ -368,7 +369,7 @@ static void push_by_span(const filling *f, int i, place column, const span_move 
         axis->known[0] * span->n[0] + axis->known[1] * span->n[1] +
         ale->direction * span->turning * (axis->v[0] * span->e[0] + axis->v[1] * span->e[1]);
   }
-  for (int n = 0; n < ale->modes; ++n) {
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
     sum += ale->odd[n] * span->da[n];
     sum_by += ale->odd[n] * by->p[n];
   }
@@ -378,7 +379,7 @@ static void push_by_span(const filling *f, int i, place column, const span_move 
       half / span->stretch * across * (by->past - span->past * by->stretch / span->stretch);
   for (int end = 0; end < 2; ++end) {
     double gives = ale->left_over[end] * rates[0] + ale->left_over[1 + end] * rates[1];
-    for (int n = 0; n < ale->modes; ++n) {
+    for (int n = 0; n < BD_ALE_MODES; ++n) {
       gives += 0.5 * ale->parts[end][n] * span->dp[n];
     }
     const double sign = end == 0 ? 1.0 : -1.0;
@@ -395,7 +396,7 @@ static void push_by_modes(const filling *f, int i) {
   const bd_ale *ale = f->ale;
   const bd_ale_ring *ring = &f->newton->ring;
   const bd_ale_span *span = &ale->spans[i];
-  const int K = ale->modes, slot = ale->arcs[i].begin + ale->arcs[i].n;
+  const int K = BD_ALE_MODES, slot = ale->arcs[i].begin + ale->arcs[i].n;
   const int b = f->newton->cell_block[slot];
   const bd_ale_block *block = &ring->blocks[b];
   const int near[3] = {(b + ring->n - 1) % ring->n, b, (b + 1) % ring->n};
@@ -443,7 +444,7 @@ static void fill_span(const filling *f, int i) {
   const bd_ale *ale = f->ale;
   const bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
-  const int slot = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = ale->modes;
+  const int slot = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = BD_ALE_MODES;
   const int nodes[2] = {slot, after};
   const double EA = ale->axial, m = f->y->m[slot], damped = ale->axial_damping / m;
   const double apart = f->y->v[after] - f->y->v[slot], half = 0.5 * ale->density;

@@ -132,8 +132,8 @@ static double weighs(const bd_plan *plan, const bd_ale *ale) {
       sum += y->m[k] * (model->gravity[0] * (at[0] + model->origin[0]) +
                         model->gravity[1] * (at[1] + model->origin[1]));
     }
-    for (int n = 0; n < ale->modes; ++n) {
-      sum += of_span * 2.0 * ale->odd[n] * ale->spans[j].sag * y->a[j * ale->modes + n];
+    for (int n = 0; n < BD_ALE_MODES; ++n) {
+      sum += of_span * 2.0 * ale->odd[n] * ale->spans[j].sag * y->a[j * BD_ALE_MODES + n];
     }
   }
   return -ale->density * sum;

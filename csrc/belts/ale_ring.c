@@ -27,7 +27,7 @@ static int states_of(const bd_ale_drive *drive, int j) {
 /* Unknowns of block b of arc j, n - 1 of them, and of the span behind it, the n-th. */
 static int unknowns_of(const bd_ale_drive *drive, int j, int b) {
   const int n = drive->pulleys[j].cells;
-  return b == n - 1       ? 3 + 2 * drive->modes
+  return b == n - 1       ? 3 + 2 * BD_ALE_MODES
          : b == n / 2 - 1 ? 3 + 4 * states_of(drive, j)
                           : 2 + 2 * states_of(drive, j);
 }
@@ -173,9 +173,9 @@ static void copy(const bd_ale_newton *newton, const bd_ale *ale, const bd_ale_st
       }
     }
     const int span = blocks[newton->cell_block[arc->begin + arc->n]].at + 3;
-    for (int n = 0; n < ale->modes; ++n) {
-      COPY(span + n, y->a[j * ale->modes + n]);
-      COPY(span + ale->modes + n, y->p[j * ale->modes + n]);
+    for (int n = 0; n < BD_ALE_MODES; ++n) {
+      COPY(span + n, y->a[j * BD_ALE_MODES + n]);
+      COPY(span + BD_ALE_MODES + n, y->p[j * BD_ALE_MODES + n]);
     }
   }
 #undef COPY

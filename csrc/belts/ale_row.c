@@ -13,10 +13,6 @@
 
 /* --- the model's part ------------------------------------------------------------------------- */
 
-/* Of a span: with 4 the lowest frequency of a running one is right to 0.2 % and the second to 0.4 %
- * at half the waves' speed, with 2 to 1.3 % and not at all (MODEL section 11.10). */
-enum { MODES = 4 };
-
 static void carve_drive(bd_carver *carver, bd_ale_drive **drive, int np) {
   bd_ale_pulley *pulleys;
   BD_CARVE(carver, *drive, 1);
@@ -76,8 +72,8 @@ static double shape(bd_model *model) {
     model->lay.n += pulley->cells + 1;
     model->slot[j] = BD_EVERY_SLOT;
   }
-  drive->modes = model->lay.modes = MODES;
-  model->lay.n_modes = np * MODES;
+  model->lay.modes = BD_ALE_MODES;
+  model->lay.n_modes = np * BD_ALE_MODES;
   drive->direction = model->wraps[0].sense * model->side[0];
   drive->linear_density = belt->linear_density;
   drive->axial_stiffness = belt->axial_stiffness;
@@ -398,7 +394,7 @@ static int check_limits(const bd_plan *plan, double t, bd_error *err) {
     for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
       least = fmin(least, ale->pressing[k]);
     }
-    for (int n = 0; n < ale->modes; ++n) {
+    for (int n = 0; n < BD_ALE_MODES; ++n) {
       slope += fabs(span->wave[n] * span->ab[n]);
     }
     const double thrown = ale->density * span->past * span->past / span->stretch;

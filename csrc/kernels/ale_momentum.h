@@ -9,30 +9,30 @@
 INLINE void swing(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
-  const int k = arc->begin + arc->n, K = ale->modes;
+  const int k = arc->begin + arc->n, K = BD_ALE_MODES;
   const double *a = y->a + i * K, *p = y->p + i * K;
   const double c = span->past, S = span->length, m = y->m[k];
   const double per_mp = span->stretch / ale->density, fills = dy->m[k] / m;
-  double first = 0.0, added = 0.0, lateral = 0.0, gda[BD_ALE_MODES];
+  double first = 0.0, added = 0.0, lateral = 0.0, per_S = 1.0 / S;
   for (int n = 0; n < K; ++n) {
     span->da[n] = p[n] - span->moved[n];
   }
   for (int n = 0; n < K; ++n) {
-    span->ga[n] = gda[n] = 0.0;
+    double ga = 0.0, gda = 0.0;
     for (int r = 1 - n % 2; r < K; r += 2) {
-      span->ga[n] += ale->gyro[n][r] * a[r];
-      gda[n] += ale->gyro[n][r] * span->da[r];
+      ga += ale->gyro[n][r] * a[r];
+      gda += ale->gyro[n][r] * span->da[r];
     }
-    span->ga[n] /= S;
-    gda[n] /= S;
+    span->ga[n] = ga * per_S;
+    span->gda[n] = gda * per_S;
   }
   for (int n = 0; n < K; ++n) {
     const double k2 = span->wave[n] * span->wave[n], ab = span->ab[n], da = span->da[n];
     const double ga = span->ga[n], kappa = k2 * ab;
     const double dp = span->dp[n] =
-        -2.0 * c * gda[n] - (span->elastic * per_mp - c * c) * kappa -
+        -2.0 * c * span->gda[n] - (span->elastic * per_mp - c * c) * kappa -
         per_mp * k2 * k2 * (span->stiff[n] * ab + ale->bending_damping * da) +
-        2.0 * span->moment[n] * per_mp / S +
+        2.0 * span->moment[n] * per_mp * per_S +
         ale->odd[n] * (4.0 * span->sag + 8.0 * ale->direction * span->turning * c) -
         fills * (da + c * ga);
     dy->a[i * K + n] = da;
@@ -106,7 +106,7 @@ INLINE void lose_at_ends(bd_ale *ale, int i, const int nodes[2]) {
 INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
-  const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = ale->modes;
+  const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = BD_ALE_MODES;
   const double density = ale->density, m = y->m[k], mu = density * m / 6.0;
   const double quarter = 0.25 * span->added, half = 0.5 * span->first;
   lose_at_ends(ale, i, (const int[2]){k, after});
@@ -133,30 +133,36 @@ INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy
  * one side only. */
 INLINE void push_axis(bd_ale *ale, const bd_ale_state *y, int j) {
   bd_ale_arc *arc = &ale->arcs[j];
-  const double D = ale->direction, half = 0.5 * ale->density;
-  double x = 0.0, yy = 0.0, inertia = 0.0;
-  for (int node = 0; node <= arc->n; ++node) {
-    const int k = arc->begin + node, first = node == 0, last = node == arc->n;
-    const double tx = ale->tx[k], ty = ale->ty[k], nx = D * ty, ny = -D * tx;
-    const double turn = D * ale->turn[k], mass = half * (y->m[k] + y->m[k - 1]);
-    const double own = half * ((last ? 0.0 : y->m[k]) + (first ? 0.0 : y->m[k - 1]));
-    const double of_axis = arc->axis.known[0] * nx + arc->axis.known[1] * ny +
-                           turn * (arc->axis.v[0] * tx + arc->axis.v[1] * ty);
-    const double bears = mass * (-turn * y->v[k] - ale->gravity[0] * nx - ale->gravity[1] * ny) +
-                         ale->carried_n[k] + ale->carried_n[k - 1] + own * of_axis;
-    const double bends = (ale->bent[k] - ale->bent[k - 1]) * ale->per_stretch[k];
+  const bd_ale_axis *axis = &arc->axis;
+  const vec D = splat(ale->direction), half = splat(0.5 * ale->density), none = splat(0.0);
+  const vec gx = splat(ale->gravity[0]), gy = splat(ale->gravity[1]);
+  vec x = none, yy = none, inertia = none;
+  for (int k = arc->begin; k <= arc->begin + arc->n; k += WIDTH) {
+    const vec here = load(ale->is_cell + k), behind = load_unaligned(ale->is_cell + k - 1);
+    const mask node = less(none, here + behind);
+    const vec m = load(y->m + k), m_behind = load_unaligned(y->m + k - 1);
+    const vec tx = load(ale->tx + k), ty = load(ale->ty + k), nx = D * ty, ny = -D * tx;
+    const vec turn = D * load(ale->turn + k), own = half * fma_(here, m, behind * m_behind);
+    const vec of_axis = splat(axis->known[0]) * nx + splat(axis->known[1]) * ny +
+                        turn * (splat(axis->v[0]) * tx + splat(axis->v[1]) * ty);
+    const vec bears = half * (m + m_behind) * (-turn * load(y->v + k) - gx * nx - gy * ny) +
+                      load(ale->carried_n + k) + load_unaligned(ale->carried_n + k - 1) +
+                      own * of_axis;
+    const vec bends =
+        (load(ale->bent + k) - load_unaligned(ale->bent + k - 1)) * load(ale->per_stretch + k);
     /* T (t' - t) of the cells, summed by nodes */
-    const double pulls = (first ? 0.0 : ale->tension[k - 1]) - (last ? 0.0 : ale->tension[k]);
-    const double rubs = ale->force_a[k] + ale->force_b[k - 1];
-    const double along = pulls - bends + rubs;
-    const double lever = arc->axis.lever[0] * nx + arc->axis.lever[1] * ny;
-    x += along * tx - bears * nx;
-    yy += along * ty - bears * ny;
-    inertia += own * lever * lever;
+    const vec pulls =
+        behind * load_unaligned(ale->tension + k - 1) - here * load(ale->tension + k);
+    const vec rubs = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1);
+    const vec along = pulls - bends + rubs;
+    const vec lever = splat(axis->lever[0]) * nx + splat(axis->lever[1]) * ny;
+    x = x + where(node, along * tx - bears * nx);
+    yy = yy + where(node, along * ty - bears * ny);
+    inertia = inertia + where(node, own * lever * lever);
   }
-  arc->force[0] = x;
-  arc->force[1] = yy;
-  arc->inertia = inertia;
+  arc->force[0] = sum(x);
+  arc->force[1] = sum(yy);
+  arc->inertia = sum(inertia);
 }
 
 /* Of a span: what its modes do not carry of the consistent mass, and they themselves; and the lift
@@ -180,7 +186,7 @@ INLINE void push_ends(bd_ale *ale, const bd_ale_state *y, int i) {
   for (int end = 0; end < 2; ++end) {
     gives[end] = ale->left_over[end] * rates[0] + ale->left_over[1 + end] * rates[1];
   }
-  for (int n = 0; n < ale->modes; ++n) {
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
     gives[0] += 0.5 * ale->parts[0][n] * span->dp[n];
     gives[1] += 0.5 * ale->parts[1][n] * span->dp[n];
     swings += ale->odd[n] * span->da[n];

@@ -6,9 +6,22 @@
 
 /* --- geometry -------------------------------------------------------------------------------- */
 
+INLINE void note_axis(const bd_ale_axis *axis, double placed[4], int *is_new) {
+  const double at[4] = {axis->c[0], axis->c[1], axis->v[0], axis->v[1]};
+  *is_new |= memcmp(placed, at, sizeof at) != 0;
+  memcpy(placed, at, sizeof at);
+}
+
+/* If an axis has moved. */
 INLINE void place_span(bd_ale *ale, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *from = &ale->arcs[i], *to = &ale->arcs[from->next];
+  span->is_new = 0;
+  note_axis(&from->axis, span->placed[0], &span->is_new);
+  note_axis(&to->axis, span->placed[1], &span->is_new);
+  if (!span->is_new) {
+    return;
+  }
   const double D = ale->direction, b = from->side * from->line_radius - to->side * to->line_radius;
   const double dx = to->axis.c[0] - from->axis.c[0], dy = to->axis.c[1] - from->axis.c[1];
   const double vx = to->axis.v[0] - from->axis.v[0], vy = to->axis.v[1] - from->axis.v[1];
@@ -19,11 +32,10 @@ INLINE void place_span(bd_ale *ale, int i) {
   span->n[0] = D * span->e[1];
   span->n[1] = -D * span->e[0];
   span->turning = -D * (vx * span->n[0] + vy * span->n[1]) / length;
-  span->rate = vx * span->e[0] + vy * span->e[1] - b * span->turning * D;
   span->sag = ale->gravity[0] * span->n[0] + ale->gravity[1] * span->n[1];
   const double first = from->axis.v[0] * span->n[0] + from->axis.v[1] * span->n[1];
   const double last = to->axis.v[0] * span->n[0] + to->axis.v[1] * span->n[1];
-  for (int n = 0; n < ale->modes; ++n) {
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
     const double wave = (n + 1) * BD_PI / length, sign = n % 2 == 0 ? -1.0 : 1.0;
     span->wave[n] = wave;
     const double moment =
@@ -71,7 +83,9 @@ static void place(bd_ale *ale) {
     place_span(ale, i);
   }
   for (int j = 0; j < ale->np; ++j) {
-    place_arc(ale, j);
+    if (ale->spans[j].is_new || ale->spans[ale->arcs[j].before].is_new) {
+      place_arc(ale, j);
+    }
   }
 }
 
@@ -152,40 +166,65 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
 
 /* T of a span's cell, the root of m (1 + T / EA) = S + X(H) + E, from above and by steps of H0 / 2
  * at the most, for below it there are others. */
-INLINE void stretch_span(bd_ale *ale, const bd_ale_state *y, int i) {
-  enum { MOST_STEPS = 30 };
+INLINE void begin_span(bd_ale *ale, const bd_ale_state *y, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
-  const double EA = ale->axial, m = y->m[k], S = span->length, H0 = ale->rest;
-  const double past = span->past = 0.5 * (ale->past[k] + ale->past[after]);
-  const double momentum = ale->density * past * past;
-  double bent = 0.0, t = fmax(EA * (S / m - 1.0), 0.25 * H0), step = INFINITY;
-  for (int n = 0; n < ale->modes; ++n) {
-    const double ab = span->ab[n] = y->a[i * ale->modes + n] + span->offset[n];
-    bent += 0.25 * S * span->wave[n] * span->wave[n] * ab * ab;
+  span->past = 0.5 * (ale->past[k] + ale->past[after]);
+  span->elastic = fmax(ale->axial * (span->length / y->m[k] - 1.0), 0.25 * ale->rest);
+  span->bent = 0.0;
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
+    const double ab = span->ab[n] = y->a[i * BD_ALE_MODES + n] + span->offset[n];
+    span->bent += 0.25 * span->length * span->wave[n] * span->wave[n] * ab * ab;
   }
-  for (int turn = 0; turn < MOST_STEPS && !(fabs(step) < 1e-8 * H0); ++turn) {
-    double slope, stands, falls;
-    const double stretch = 1.0 + t / EA;
-    span->pressing = t - momentum / stretch;
-    const double x = bd_ale_run_off(ale, span, span->pressing, &slope, &stands, &falls);
-    span->path = x + bent - stands;
-    span->by_pressing = slope + falls;
-    const double left = m * stretch - S - span->path;
-    const double by = m / EA - (slope + falls) * (1.0 + momentum / (stretch * stretch * EA));
-    span->per_slope = 1.0 / (by > 0.1 * m / EA ? by : m / EA);
-    step = -left * span->per_slope;
-    t += fmin(fmax(step, -0.5 * H0), 0.5 * H0);
-  }
-  span->elastic = t;
-  span->stretch = 1.0 + t / EA;
-  span->pressing = t - momentum / span->stretch;
+}
+
+/* One step, over H0. */
+INLINE double step_span(const bd_ale *ale, bd_ale_span *span, double m) {
+  const double EA = ale->axial, H0 = ale->rest, momentum = ale->density * span->past * span->past;
+  const double stretch = 1.0 + span->elastic / EA, thrown = momentum / stretch;
+  double slope, stands, falls;
+  span->pressing = span->elastic - thrown;
+  const double x = bd_ale_run_off(ale, span, span->pressing, &slope, &stands, &falls);
+  span->path = x + span->bent - stands;
+  span->by_pressing = slope + falls;
+  const double left = m * stretch - span->length - span->path;
+  const double by = m / EA - span->by_pressing * (1.0 + thrown / (stretch * EA));
+  span->per_slope = 1.0 / (by > 0.1 * m / EA ? by : m / EA);
+  const double step = -left * span->per_slope / H0;
+  span->elastic += H0 * fmin(fmax(step, -0.5), 0.5);
+  return fabs(step);
+}
+
+INLINE void end_span(bd_ale *ale, const bd_ale_state *y, int i) {
+  bd_ale_span *span = &ale->spans[i];
+  const bd_ale_arc *arc = &ale->arcs[i];
+  const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
+  span->stretch = 1.0 + span->elastic / ale->axial;
+  span->pressing = span->elastic - ale->density * span->past * span->past / span->stretch;
   ale->stretch[k] = span->stretch;
-  ale->elastic[k] = t;
-  ale->tension[k] = t + ale->axial_damping * (y->v[after] - y->v[k]) / m;
+  ale->elastic[k] = span->elastic;
+  ale->tension[k] = span->elastic + ale->axial_damping * (y->v[after] - y->v[k]) / y->m[k];
   ale->pressing[k] = span->pressing;
   ale->bent[k] = 0.0;
+}
+
+/* All together: no step waits for that of another. */
+INLINE void stretch_spans(bd_ale *ale, const bd_ale_state *y) {
+  enum { MOST_STEPS = 30 };
+  int last = 0;
+  for (int i = 0; i < ale->np; ++i) {
+    begin_span(ale, y, i);
+  }
+  for (int turn = 0; turn < MOST_STEPS && !last; ++turn) {
+    last = 1;
+    for (int i = 0; i < ale->np; ++i) {
+      last &= step_span(ale, &ale->spans[i], y->m[ale->arcs[i].begin + ale->arcs[i].n]) < 1e-8;
+    }
+  }
+  for (int i = 0; i < ale->np; ++i) {
+    end_span(ale, y, i);
+  }
 }
 
 static void stretch(bd_ale *ale, const bd_ale_state *y) {
@@ -203,9 +242,7 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
     }
     stretch_cells(ale, y, j);
   }
-  for (int i = 0; i < ale->np; ++i) {
-    stretch_span(ale, y, i);
-  }
+  stretch_spans(ale, y);
   close_cells(ale, ale->stretch);
   close_cells(ale, ale->tension);
   close_cells(ale, ale->bent);
@@ -241,7 +278,7 @@ INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int from, doubl
   const double square = 0.5 * sqrt(stiff / EI), along = 0.25 * H / EI;
   wrap_end end = {.p = sqrt(square + along), .q = sqrt(fmax(square - along, 1e-6 * square))};
   double lifted = 0.0;
-  for (int n = 0; n < ale->modes; ++n) {
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
     const double slope = span->wave[n] * (span->ab[n] - span->rest[n]);
     lifted += arc == &ale->arcs[from] || n % 2 == 0 ? slope : -slope;
   }
@@ -252,12 +289,27 @@ INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int from, doubl
 }
 
 /* What is carried more than H / R from x behind the touching point on, less, over that; and its
- * integral, both 0 far from there. */
-INLINE void carry_end(const wrap_end *end, double x, double *carried, double *sum) {
-  const double e = end->e, p = end->p, q = end->q, B = end->over, fades = exp(-p * x);
-  const double co = fades * cos(q * x), si = fades * sin(q * x);
-  *carried = -e * co - B * si;
-  *sum = (e * (p * co - q * si) + B * (p * si + q * co)) / (p * p + q * q);
+ * integral, both 0 far from there. Added to those of the other end. */
+INLINE void carry_end(const wrap_end *end, double x, double sign, double *carried, double *sum) {
+  const double e = end->e, p = end->p, q = end->q, B = end->over;
+  if (p * x < 50.0) {
+    const double fades = exp(-p * x), co = fades * cos(q * x), si = fades * sin(q * x);
+    *carried -= sign * (e * co + B * si);
+    *sum += (e * (p * co - q * si) + B * (p * si + q * co)) / (p * p + q * q);
+  }
+}
+
+/* An end of a cell as far as it lies, and what is carried there. */
+typedef struct cell_end {
+  double s, carried, sum;
+} cell_end;
+
+INLINE cell_end cell_end_at(const wrap_end ends[2], double whole, double s) {
+  const double begin = ends[0].touch, until = whole - ends[1].touch;
+  cell_end at = {.s = fmin(fmax(s, begin), until)};
+  carry_end(&ends[0], at.s - begin, 1.0, &at.carried, &at.sum);
+  carry_end(&ends[1], until - at.s, -1.0, &at.carried, &at.sum);
+  return at;
 }
 
 /* States that are linear between two places of a cell and 0 in the rest of what lies of it, from
@@ -305,21 +357,16 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
   const double whole = arc->radius * arc->wrap, length = whole / arc->n;
   const wrap_end ends[2] = {end_of(ale, arc, arc->before, 0.45 * whole),
                             end_of(ale, arc, j, 0.45 * whole)};
-  const double begin = ends[0].touch, until = whole - ends[1].touch;
+  const int back = ale->past[arc->begin] < 0.0;
+  cell_end next = cell_end_at(ends, whole, back ? whole : 0.0);
   for (int n = 0; n < arc->n; ++n) {
-    const int k = ale->past[arc->begin] < 0.0 ? arc->n - 1 - n : n, slot = arc->begin + k;
-    double place[2], carried[2], sum[2];
-    for (int end = 0; end < 2; ++end) {
-      const double s = place[end] = fmin(fmax((k + end) * length, begin), until);
-      double in, of_in, out, of_out;
-      carry_end(&ends[0], s - begin, &in, &of_in);
-      carry_end(&ends[1], until - s, &out, &of_out);
-      carried[end] = in - out;
-      sum[end] = of_in + of_out;
-    }
-    const int lies = place[1] - place[0] > LEAST * length;
-    const double from = lies ? place[0] / length - k : 0.0, to = lies ? place[1] / length - k : 0.0;
-    const double part = place[1] - place[0], mean = (sum[1] - sum[0]) / part;
+    const int k = back ? arc->n - 1 - n : n, slot = arc->begin + k;
+    const cell_end near = next;
+    next = cell_end_at(ends, whole, (back ? k : k + 1) * length);
+    const cell_end a = back ? next : near, b = back ? near : next;
+    const double part = b.s - a.s, mean = (b.sum - a.sum) / part;
+    const int lies = part > LEAST * length;
+    const double from = lies ? a.s / length - k : 0.0, to = lies ? b.s / length - k : 0.0;
     /* what is more than H / R is the shear of the free part, by H of the span, not of the cell */
     const bd_ale_span *span = &ale->spans[2 * k < arc->n ? arc->before : j];
     const double H = fmax(span->pressing, least);
@@ -330,8 +377,8 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
     ale->lies[slot] = lies ? 1.0 : 0.0;
     ale->cut_a[slot] = from;
     ale->cut_b[slot] = lies ? to : 1.0;
-    ale->share_a[slot] = lies ? fmax(0.0, (part + more * (mean - carried[0])) / length) : 0.0;
-    ale->share_b[slot] = lies ? fmax(0.0, (part + more * (carried[1] - mean)) / length) : 0.0;
+    ale->share_a[slot] = lies ? fmax(0.0, (part + more * (mean - a.carried)) / length) : 0.0;
+    ale->share_b[slot] = lies ? fmax(0.0, (part + more * (b.carried - mean)) / length) : 0.0;
   }
 }
 

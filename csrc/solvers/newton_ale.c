@@ -85,9 +85,22 @@ static void linearise(bd_newton_system *system, const bd_plan *plan, const doubl
   if (belt->ale.moving) {
     bd_ale_carried(plan, own->inertia);
     bd_ale_linearise_axes(&own->newton, &belt->ale, own->kernels, &belt->y, &belt->dy,
-                          &belt->spare);
+                          &belt->spare, plan->model->lay.nm, plan->model->lay.mounted);
     belt->known = 0;
   }
+}
+
+/* The arc whose belt touches a body; -1: none. */
+static int arc_of(const bd_layout *lay, int body) {
+  if (body >= lay->np && body < lay->np + lay->nm) {
+    return lay->mounted[body - lay->np];
+  }
+  for (int j = 0; j < lay->np; ++j) {
+    if (body == bd_belt_body(lay, j)) {
+      return j;
+    }
+  }
+  return -1;
 }
 
 static void fill(bd_newton_system *system, const bd_plan *plan, double *y, double g, double h,
@@ -98,7 +111,11 @@ static void fill(bd_newton_system *system, const bd_plan *plan, double *y, doubl
   const int unknowns = newton->ring.unknowns;
   (void)y, (void)h, (void)c, (void)mass;
   system->g = own->newton.ring.g = g;
-  memset(system->border, 0, (size_t)(bd_count_bodies(lay) * system->width) * sizeof(double));
+  for (int body = 0; body < bd_count_bodies(lay); ++body) {
+    if (arc_of(lay, body) < 0) {
+      memset(bd_newton_border(system, body), 0, (size_t)unknowns * sizeof(double));
+    }
+  }
   for (int j = 0; j < lay->np; ++j) {
     double *column = bd_newton_border(system, bd_belt_body(lay, j));
     system->own[j] = -g * newton->own[j];
@@ -158,19 +175,6 @@ static void entries_of_bodies(const bd_newton_system *system, const bd_layout *l
       w[body * n + np + m] -= g * (newton->torque_by[0][at] + g * newton->torque_by[1][at]);
     }
   }
-}
-
-/* The arc whose belt touches a body; -1: none. */
-static int arc_of(const bd_layout *lay, int body) {
-  if (body >= lay->np && body < lay->np + lay->nm) {
-    return lay->mounted[body - lay->np];
-  }
-  for (int j = 0; j < lay->np; ++j) {
-    if (body == bd_belt_body(lay, j)) {
-      return j;
-    }
-  }
-  return -1;
 }
 
 /* The row of a body, of forces by the ring's unknowns; NULL: the belt does not touch it. */
