@@ -194,7 +194,8 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
   const bd_ale_arc *arc = &ale->arcs[i];
   const int slot = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = BD_ALE_MODES;
   const double m = f->y->m[slot], per_S = 1.0 / span->length, c = span->past;
-  const double density = ale->density, per_mp = span->stretch / density, per_mp_by = by->stretch / density;
+  const double density = ale->density, per_mp = span->stretch / density,
+               per_mp_by = by->stretch / density;
   const double fills = f->dy->m[slot] / m, fills_by = (by->fills - fills * by->m) / m;
   const double v[2] = {f->dy->v[slot], f->dy->v[after]};
   double dp[BD_ALE_MODES], first = 0.0, added = 0.0, lateral = 0.0;
@@ -214,7 +215,8 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
     dp[n] = -2.0 * (by->past * span->gda[n] + c * gda_by) -
             (by->elastic * per_mp + span->elastic * per_mp_by - 2.0 * c * by->past) * kappa -
             (span->elastic * per_mp - c * c) * kappa_by -
-            k4 * (per_mp_by * bends + per_mp * bends_by) + 2.0 * span->moment[n] * per_mp_by * per_S +
+            k4 * (per_mp_by * bends + per_mp * bends_by) +
+            2.0 * span->moment[n] * per_mp_by * per_S +
             ale->odd[n] * 8.0 * ale->direction * span->turning * by->past -
             fills_by * (da + c * ga) - fills * (by->p[n] + by->past * ga + c * ga_by);
     first += dp[n] * ga + own * ga_by +

@@ -203,7 +203,7 @@ double bd_ale_error(const bd_plan *plan, const bd_step_sum *of) {
         const int end = e / arc->states, row = end * lay->states + e % arc->states;
         const double *share = end == 0 ? ale->share_a : ale->share_b;
         add_error(&at, OF_ARCS, bd_field_offset(lay, F_MU, row) + (size_t)c,
-                  fmin(1.0, share[arc->begin + k]));
+                  bd_at_most(share[arc->begin + k], 1.0));
       }
     }
     ++c;

@@ -177,6 +177,15 @@ extern const bd_ale_kernels bd_ale_avx2, bd_ale_avx512;
 #define BD_ALE_LEAST 0.02
 #define BD_ALE_MOST 30.0
 
+/* As fmax and fmin, which compilers call: a, or the bound where a is beyond it or none. */
+static inline double bd_at_least(double a, double least) {
+  return a > least ? a : least;
+}
+
+static inline double bd_at_most(double a, double most) {
+  return a < most ? a : most;
+}
+
 /* A table at a place counted in knots, and its slope. */
 static inline double bd_ale_cubic(const double *value, const double *slope, double at, double *by) {
   int i = (int)at;
@@ -193,7 +202,7 @@ static inline double bd_ale_cubic(const double *value, const double *slope, doub
 static inline double bd_ale_run_off(const bd_ale *ale, bd_ale_span *span, double h, double *slope,
                                     double *stands, double *falls) {
   const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
-  const double at = fmin(fmax(h, least), most), floored = fmax(h, least), S = span->length;
+  const double floored = bd_at_least(h, least), at = bd_at_most(floored, most), S = span->length;
   const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1), per = 1.0 / at;
   double by;
   double x = bd_ale_cubic(span->table->value, span->table->slope, log(at / least) / knot, &by);

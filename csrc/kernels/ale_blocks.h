@@ -385,7 +385,7 @@ INLINE void add_fours(const int lead, int k, const double *a, const double *x, v
 
 /* As solve_block. */
 INLINE void solve_block_lanes(const bd_ale_ring *ring, int b, const int sides[2], const int back,
-                            const int lead, double *x) {
+                              const int lead, double *x) {
   const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
   double *const here = x + block->at * WIDTH;
   vec sum[LARGEST];
@@ -411,7 +411,7 @@ INLINE void solve_block_lanes(const bd_ale_ring *ring, int b, const int sides[2]
 }
 
 static void solve_lanes(const bd_ale_ring *ring, int b, int behind, int ahead, int back,
-                           double *x) {
+                        double *x) {
   const int lead = ring->blocks[b].lead, sides[2] = {behind, ahead};
   if (lead == QUAD) {
     solve_block_lanes(ring, b, sides, back, QUAD, x);

@@ -92,7 +92,7 @@ INLINE void carry_speed(bd_ale *ale, const bd_ale_state *y, int j) {
  * takes what its rate, by which the belt runs, squared is worth. */
 INLINE void lose_at_ends(bd_ale *ale, int i, const int nodes[2]) {
   bd_ale_span *span = &ale->spans[i];
-  const double H = fmax(span->pressing, BD_ALE_LEAST * ale->rest);
+  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
   const int loses = ale->bending_damping > 0.0 && ale->bending > 0.0;
   for (int end = 0; end < 2; ++end) {
     const double square = span->curvature[end] * span->curvature[end];
@@ -151,8 +151,7 @@ INLINE void push_axis(bd_ale *ale, const bd_ale_state *y, int j) {
     const vec bends =
         (load(ale->bent + k) - load_unaligned(ale->bent + k - 1)) * load(ale->per_stretch + k);
     /* T (t' - t) of the cells, summed by nodes */
-    const vec pulls =
-        behind * load_unaligned(ale->tension + k - 1) - here * load(ale->tension + k);
+    const vec pulls = behind * load_unaligned(ale->tension + k - 1) - here * load(ale->tension + k);
     const vec rubs = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1);
     const vec along = pulls - bends + rubs;
     const vec lever = splat(axis->lever[0]) * nx + splat(axis->lever[1]) * ny;

@@ -171,7 +171,7 @@ INLINE void begin_span(bd_ale *ale, const bd_ale_state *y, int i) {
   const bd_ale_arc *arc = &ale->arcs[i];
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
   span->past = 0.5 * (ale->past[k] + ale->past[after]);
-  span->elastic = fmax(ale->axial * (span->length / y->m[k] - 1.0), 0.25 * ale->rest);
+  span->elastic = bd_at_least(ale->axial * (span->length / y->m[k] - 1.0), 0.25 * ale->rest);
   span->bent = 0.0;
   for (int n = 0; n < BD_ALE_MODES; ++n) {
     const double ab = span->ab[n] = y->a[i * BD_ALE_MODES + n] + span->offset[n];
@@ -192,7 +192,7 @@ INLINE double step_span(const bd_ale *ale, bd_ale_span *span, double m) {
   const double by = m / EA - span->by_pressing * (1.0 + thrown / (stretch * EA));
   span->per_slope = 1.0 / (by > 0.1 * m / EA ? by : m / EA);
   const double step = -left * span->per_slope / H0;
-  span->elastic += H0 * fmin(fmax(step, -0.5), 0.5);
+  span->elastic += H0 * bd_at_most(bd_at_least(step, -0.5), 0.5);
   return fabs(step);
 }
 
@@ -272,19 +272,19 @@ typedef struct wrap_end {
 
 INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int from, double most) {
   const bd_ale_span *span = &ale->spans[from];
-  const double H = fmax(span->pressing, BD_ALE_LEAST * ale->rest), EI = ale->bending;
+  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest), EI = ale->bending;
   const double c1 = ale->quadratic, c2 = ale->linear;
   const double stiff = 0.5 * (c2 + sqrt(c2 * c2 + 4.0 * c1 * H / arc->radius)); /* N / d */
   const double square = 0.5 * sqrt(stiff / EI), along = 0.25 * H / EI;
-  wrap_end end = {.p = sqrt(square + along), .q = sqrt(fmax(square - along, 1e-6 * square))};
+  wrap_end end = {.p = sqrt(square + along), .q = sqrt(bd_at_least(square - along, 1e-6 * square))};
   double lifted = 0.0;
   for (int n = 0; n < BD_ALE_MODES; ++n) {
     const double slope = span->wave[n] * (span->ab[n] - span->rest[n]);
     lifted += arc == &ale->arcs[from] || n % 2 == 0 ? slope : -slope;
   }
-  end.e = fmin(sqrt(EI / H) - end.p / square, most);
+  end.e = bd_at_most(sqrt(EI / H) - end.p / square, most);
   end.over = (1.0 + end.p * end.e) / end.q;
-  end.touch = fmin(fmax(0.0, end.e + arc->side * arc->radius * lifted), most);
+  end.touch = bd_at_most(bd_at_least(end.e + arc->side * arc->radius * lifted, 0.0), most);
   return end;
 }
 
@@ -306,7 +306,7 @@ typedef struct cell_end {
 
 INLINE cell_end cell_end_at(const wrap_end ends[2], double whole, double s) {
   const double begin = ends[0].touch, until = whole - ends[1].touch;
-  cell_end at = {.s = fmin(fmax(s, begin), until)};
+  cell_end at = {.s = bd_at_most(bd_at_least(s, begin), until)};
   carry_end(&ends[0], at.s - begin, 1.0, &at.carried, &at.sum);
   carry_end(&ends[1], until - at.s, -1.0, &at.carried, &at.sum);
   return at;
@@ -327,8 +327,8 @@ INLINE void lay_cell(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_stat
                      double from, double to, double length) {
   const double flown = 0.5 * (ale->past[slot] + ale->past[slot + 1]) * ale->elapsed / length;
   const double was_from = ale->cut_a[slot], was_to = ale->cut_b[slot], part = to - from;
-  const double left = fmax(from, was_from + fmin(0.0, flown));
-  const double right = fmin(to, was_to + fmax(0.0, flown));
+  const double left = bd_at_least(from, was_from + bd_at_most(flown, 0.0));
+  const double right = bd_at_most(to, was_to + bd_at_least(flown, 0.0));
   const int first = slot == arc->begin, last = slot + 1 == arc->begin + arc->n;
   for (int e = 0; e < arc->states; ++e) {
     double *a = y->z[0] + e * y->stride + slot, *b = y->z[1] + e * y->stride + slot;
@@ -336,7 +336,7 @@ INLINE void lay_cell(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_stat
       *a = *b = 0.0;
     } else if (!(ale->lies[slot] > 0.0)) {
       const double comes = flown > 0.0 ? (first ? 0.0 : b[-1]) : last ? 0.0 : a[1];
-      *a = *b = comes * fmin(1.0, fabs(flown) / part);
+      *a = *b = comes * bd_at_most(fabs(flown) / part, 1.0);
     } else {
       const double slope = (*b - *a) / (was_to - was_from);
       *b = *a + slope * (right - was_from);
@@ -369,16 +369,16 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
     const double from = lies ? a.s / length - k : 0.0, to = lies ? b.s / length - k : 0.0;
     /* what is more than H / R is the shear of the free part, by H of the span, not of the cell */
     const bd_ale_span *span = &ale->spans[2 * k < arc->n ? arc->before : j];
-    const double H = fmax(span->pressing, least);
-    const double more = 2.0 * fmin(2.0, H / fmax(ale->pressing[slot], least));
+    const double H = bd_at_least(span->pressing, least);
+    const double more = 2.0 * bd_at_most(H / bd_at_least(ale->pressing[slot], least), 2.0);
     if (y) {
       lay_cell(ale, arc, y, slot, from, to, length);
     }
     ale->lies[slot] = lies ? 1.0 : 0.0;
     ale->cut_a[slot] = from;
     ale->cut_b[slot] = lies ? to : 1.0;
-    ale->share_a[slot] = lies ? fmax(0.0, (part + more * (mean - a.carried)) / length) : 0.0;
-    ale->share_b[slot] = lies ? fmax(0.0, (part + more * (b.carried - mean)) / length) : 0.0;
+    ale->share_a[slot] = lies ? bd_at_least((part + more * (mean - a.carried)) / length, 0.0) : 0.0;
+    ale->share_b[slot] = lies ? bd_at_least((part + more * (b.carried - mean)) / length, 0.0) : 0.0;
   }
 }
 

@@ -84,8 +84,8 @@ static void linearise(bd_newton_system *system, const bd_plan *plan, const doubl
   }
   if (belt->ale.moving) {
     bd_ale_carried(plan, own->inertia);
-    bd_ale_linearise_axes(&own->newton, &belt->ale, own->kernels, &belt->y, &belt->dy,
-                          &belt->spare, plan->model->lay.nm, plan->model->lay.mounted);
+    bd_ale_linearise_axes(&own->newton, &belt->ale, own->kernels, &belt->y, &belt->dy, &belt->spare,
+                          plan->model->lay.nm, plan->model->lay.mounted);
     belt->known = 0;
   }
 }
