@@ -442,7 +442,7 @@ def random_drives(first: int, count: int, n: int) -> list[str]:
                 f" {q[3]:.2f}; {len(found[rtol])} run, CPU s/s {np.median(cpu[f'{rtol:g}']):.3f}"
             )
     if own:
-        q = np.quantile(own, (0.1, 0.5, 0.9, 1.0))
+        q = np.nanquantile(own, (0.1, 0.5, 0.9, 1.0))
         lines.append(
             f"{n // 2:5d} links  : 0.1 {q[0]:.2f}  median {q[1]:.2f}  0.9 {q[2]:.2f}  most"
             f" {q[3]:.2f}; {len(own)} run, CPU s/s {np.median(cpu['links']):.3f}"
