@@ -156,10 +156,7 @@ class Ale(Mesh):
         pressing[..., arcs] = tension[..., arcs] - centrifugal - lifts
         held = self.held
         if held is None:
-            waves = self.modes * math.pi / geo.span[..., None]
-            slope = waves * (a + self.offset(geo.span) - static)  # of what waves add to rest
-            lifted = (slope.sum(axis=-1), (-((-1.0) ** self.modes) * slope).sum(axis=-1))
-            held = self.boundary(pressing[..., arcs], pressing_span, geo.wrap, lifted)
+            held = self.boundary(pressing[..., arcs], pressing_span, geo.wrap)
         share, cuts = held[..., 0, :, :], held[..., 1, :, :]
         normal = 0.5 * (np.maximum(0.0, pressing[..., arcs]) * angle)[..., None, :] * share
         return Axial(
@@ -168,12 +165,10 @@ class Ale(Mesh):
             share=share, cuts=cuts, normal=normal, apart=rate, static=static, path=path,
         )  # fmt: skip
 
-    def boundary(
-        self, own: Array, pressing: Array, wrap: Array, lifted: tuple[Array, Array]
-    ) -> Array:
+    def boundary(self, own: Array, pressing: Array, wrap: Array) -> Array:
         """W, and what lies of a cell as fractions of it, at both ends of what lies of the cells on
-        arcs (..., 2, 2, N_arc): the belt touches from e on, R times the angle further by which
-        waves lift the spans at both ends. Load and its first moment are kept in each cell. [3]
+        arcs (..., 2, 2, N_arc), from H of the cells and of the spans: the belt touches from e on.
+        Load and its first moment are kept in each cell. [3]
         """
         ei, of = self.bending_stiffness, self.arc_pulley
         if ei == 0.0 or not self.boundary_layers:
@@ -191,9 +186,7 @@ class Ale(Mesh):
             q = np.sqrt(np.maximum(square - 0.25 * force / ei, 1e-6 * square))
             e = np.minimum(np.sqrt(ei / force) - p / square, 0.45 * whole)
             ends.append((e, p, q, (1.0 + p * e) / q))
-        turned = np.roll(lifted[1], 1, axis=-1)[..., of], lifted[0][..., of]
-        rolls = (self.s * self.radii)[of] * np.stack(turned)
-        first, last = np.clip(rolls + np.stack([end[0] for end in ends]), 0.0, 0.45 * whole)
+        first, last = ends[0][0], whole - ends[1][0]
 
         def more(x: Array, end: tuple[Array, ...]) -> tuple[Array, Array]:
             """What is carried more than H/R up to x behind the touching point, less what it is far
@@ -206,12 +199,12 @@ class Ale(Mesh):
 
         def carried(s: Array) -> tuple[Array, Array]:
             """Of both ends together, from the start to s."""
-            one, other = more(s - first, ends[0]), more(whole - last - s, ends[1])
+            one, other = more(s - first, ends[0]), more(last - s, ends[1])
             return one[0] - other[0], one[1] + other[1]
 
         part = whole / self.on[of]
         begin = self.fraction[self.arcs] * whole
-        s_0, s_1 = np.clip(begin, first, whole - last), np.clip(begin + part, first, whole - last)
+        s_0, s_1 = np.clip(begin, first, last), np.clip(begin + part, first, last)
         lies = s_1 - s_0 > 0.02 * part
         (c_0, sum_0), (c_1, sum_1) = carried(s_0), carried(s_1)
         mean = (sum_1 - sum_0) / np.where(lies, s_1 - s_0, 1.0)

@@ -261,37 +261,27 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
 
 /* --- the ends of wraps ----------------------------------------------------------------------- */
 
-/* An end of a wrap: the belt touches from e on. There its pressure begins, and what it lacks stands
- * further in, as what a beam does that is bent from 1 / R to none. As waves lift the span off its
- * line by an angle, the wrap is that much shorter, and all of its end stands R times it further in.
- */
+/* An end of a wrap: the belt touches from `touch` = e on. There its pressure begins, and what it
+ * lacks stands further in, as what a beam does that is bent from 1 / R to none. */
 typedef struct wrap_end {
-  double e, p, q, over; /* of exp(-p x) (cos, sin)(q x); what goes with the sine */
-  double touch;         /* behind the line's tangent point */
+  double touch, p, q, over; /* of exp(-p x) (cos, sin)(q x); what goes with the sine */
 } wrap_end;
 
-INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int from, double most) {
-  const bd_ale_span *span = &ale->spans[from];
-  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest), EI = ale->bending;
-  const double c1 = ale->quadratic, c2 = ale->linear;
+INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int span, double most) {
+  const double H = bd_at_least(ale->spans[span].pressing, BD_ALE_LEAST * ale->rest);
+  const double EI = ale->bending, c1 = ale->quadratic, c2 = ale->linear;
   const double stiff = 0.5 * (c2 + sqrt(c2 * c2 + 4.0 * c1 * H / arc->radius)); /* N / d */
   const double square = 0.5 * sqrt(stiff / EI), along = 0.25 * H / EI;
   wrap_end end = {.p = sqrt(square + along), .q = sqrt(bd_at_least(square - along, 1e-6 * square))};
-  double lifted = 0.0;
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    const double slope = span->wave[n] * (span->ab[n] - span->rest[n]);
-    lifted += arc == &ale->arcs[from] || n % 2 == 0 ? slope : -slope;
-  }
-  end.e = bd_at_most(sqrt(EI / H) - end.p / square, most);
-  end.over = (1.0 + end.p * end.e) / end.q;
-  end.touch = bd_at_most(bd_at_least(end.e + arc->side * arc->radius * lifted, 0.0), most);
+  end.touch = bd_at_most(sqrt(EI / H) - end.p / square, most);
+  end.over = (1.0 + end.p * end.touch) / end.q;
   return end;
 }
 
 /* What is carried more than H / R from x behind the touching point on, less, over that; and its
  * integral, both 0 far from there. Added to those of the other end. */
 INLINE void carry_end(const wrap_end *end, double x, double sign, double *carried, double *sum) {
-  const double e = end->e, p = end->p, q = end->q, B = end->over;
+  const double e = end->touch, p = end->p, q = end->q, B = end->over;
   if (p * x < 50.0) {
     const double fades = exp(-p * x), co = fades * cos(q * x), si = fades * sin(q * x);
     *carried -= sign * (e * co + B * si);
