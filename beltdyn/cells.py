@@ -62,7 +62,7 @@ WRAP, SPAN = 4.0, 8.0
 NEAR_SLACK, FAST, LOWEST, STEEP = 0.1, 0.02, 2, 0.1
 #: Steps a second of an ALE belt at an rtol, 600 to 3300 measured, the power of rtol by which they
 #: fall, and the CPU time of one for each cell, in explicit steps of a link.
-STEPS, AT, POWER, STEP = 1800.0, 1e-2, 0.3, 16.0
+STEPS, AT, POWER, STEP = 1800.0, 1e-2, 0.3, 12.0
 #: Implicit steps for each link that lands or leaves, 1.5 to 8 measured; explicit ones over
 #: 1/(spectral bound).
 LANDING, EXPLICIT = 1.5, 2.5
