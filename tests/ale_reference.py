@@ -154,9 +154,7 @@ class Ale(Mesh):
         outward = 0.5 * self.s[of] * dot(self.g, geo.nn + geo.nn[..., nxt, :])[..., arcs]
         lifts = self.linear_density * m[..., arcs] * outward / angle
         pressing[..., arcs] = tension[..., arcs] - centrifugal - lifts
-        held = self.held
-        if held is None:
-            held = self.boundary(pressing[..., arcs], pressing_span, geo.wrap)
+        held = self.held if self.held is not None else self.boundary(pressing_span, geo.wrap)
         share, cuts = held[..., 0, :, :], held[..., 1, :, :]
         normal = 0.5 * (np.maximum(0.0, pressing[..., arcs]) * angle)[..., None, :] * share
         return Axial(
@@ -165,10 +163,10 @@ class Ale(Mesh):
             share=share, cuts=cuts, normal=normal, apart=rate, static=static, path=path,
         )  # fmt: skip
 
-    def boundary(self, own: Array, pressing: Array, wrap: Array) -> Array:
+    def boundary(self, pressing: Array, wrap: Array) -> Array:
         """W, and what lies of a cell as fractions of it, at both ends of what lies of the cells on
-        arcs (..., 2, 2, N_arc), from H of the cells and of the spans: the belt touches from e on.
-        Load and its first moment are kept in each cell. [3]
+        arcs (..., 2, 2, N_arc), from H of the spans: the belt touches from e on. Load and its first
+        moment are kept in each cell. [3]
         """
         ei, of = self.bending_stiffness, self.arc_pulley
         if ei == 0.0 or not self.boundary_layers:
@@ -208,13 +206,7 @@ class Ale(Mesh):
         lies = s_1 - s_0 > 0.02 * part
         (c_0, sum_0), (c_1, sum_1) = carried(s_0), carried(s_1)
         mean = (sum_1 - sum_0) / np.where(lies, s_1 - s_0, 1.0)
-        near = np.where(
-            2.0 * self.fraction[self.arcs] < 1.0, np.roll(h, 1, axis=-1)[..., of], h[..., of]
-        )
-        shear = near / np.maximum(own, SLOPES[0] * self.h_0)  # the end load's, of the span
-        shear = 2.0 * np.minimum(shear, 2.0)
-        share = np.stack((mean - c_0, c_1 - mean), axis=-2) * shear[..., None, :]
-        share = (s_1 - s_0)[..., None, :] + share
+        share = (s_1 - s_0)[..., None, :] + 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2)
         share = share / part[..., None, :]
         cuts = np.stack((s_0 - begin, s_1 - begin), axis=-2) / part[..., None, :]
         held = np.stack((np.maximum(share, 0.0), cuts), axis=-3)

@@ -343,7 +343,6 @@ INLINE void lay_cell(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_stat
 INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   static const double LEAST = 0.02; /* of a cell that counts */
-  const double least = BD_ALE_LEAST * ale->rest;
   const double whole = arc->radius * arc->wrap, length = whole / arc->n;
   const wrap_end ends[2] = {end_of(ale, arc, arc->before, 0.45 * whole),
                             end_of(ale, arc, j, 0.45 * whole)};
@@ -357,18 +356,14 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
     const double part = b.s - a.s, mean = (b.sum - a.sum) / part;
     const int lies = part > LEAST * length;
     const double from = lies ? a.s / length - k : 0.0, to = lies ? b.s / length - k : 0.0;
-    /* what is more than H / R is the shear of the free part, by H of the span, not of the cell */
-    const bd_ale_span *span = &ale->spans[2 * k < arc->n ? arc->before : j];
-    const double H = bd_at_least(span->pressing, least);
-    const double more = 2.0 * bd_at_most(H / bd_at_least(ale->pressing[slot], least), 2.0);
     if (y) {
       lay_cell(ale, arc, y, slot, from, to, length);
     }
     ale->lies[slot] = lies ? 1.0 : 0.0;
     ale->cut_a[slot] = from;
     ale->cut_b[slot] = lies ? to : 1.0;
-    ale->share_a[slot] = lies ? bd_at_least((part + more * (mean - a.carried)) / length, 0.0) : 0.0;
-    ale->share_b[slot] = lies ? bd_at_least((part + more * (b.carried - mean)) / length, 0.0) : 0.0;
+    ale->share_a[slot] = lies ? bd_at_least((part + 2.0 * (mean - a.carried)) / length, 0.0) : 0.0;
+    ale->share_b[slot] = lies ? bd_at_least((part + 2.0 * (b.carried - mean)) / length, 0.0) : 0.0;
   }
 }
 
