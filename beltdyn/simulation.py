@@ -77,7 +77,8 @@ def simulate(
 
         auto    tries "tsit5" and an implicit method ("rodas4"; "lbdf2" from rtol = 0.02, or for
                 very stiff friction), goes on with the one that advances further for the same
-                cost, and tries again now and then; ``result.stats.choice`` says what it did
+                cost, and tries again now and then; ``result.stats.choice`` says what it did; on an
+                ALE belt it is "rodas4"
         tsit5   explicit Runge-Kutta 5(4) with error control; the stiffest vibration of the joints,
                 known beforehand, limits its step. For coarse, lightly damped belts at tight
                 tolerances

@@ -127,7 +127,8 @@
   X(double, error_by_local, "estimated error over local errors")                                   \
   X(double, error_by_balance, "estimated error over what the balance of energy misses")            \
   X(double, implicit_cost, "CPU time of an implicit step over an explicit one, measured")          \
-  X(double, by_rtol, "local errors of a step over the error asked; 0: as its method says")
+  X(double, by_rtol,                                                                               \
+    "local errors of a step over the error asked, of fourth order; 0: as its method says")
 
 /* Sizes of fields of a state and of sampled outputs: X(size, count), the count from `of`, a
  * bd_info; 0 of those that its belt lacks (bd_belt_facts). PLANE: of vectors (x, y); ENERGY:

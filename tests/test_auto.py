@@ -134,3 +134,10 @@ def test_steps_that_still_grow_are_not_judged() -> None:
     assert scene is not None
     stats = scene._replace(t_end=0.016).run().stats
     assert stats.changes == 2 and stats.steps < 2000
+
+
+def test_a_belt_that_flows_has_one_method() -> None:
+    """Waves in its undamped cells grow in explicit steps, and the second order damps its modes."""
+    params = with_belt(bd.scenes.get("unequal-pulleys").params, mesh="ale", axial_damping=0.0)
+    stats = bd.simulate(params, bd.Viscous([0.0, 1.0]), 0.05, rtol=0.03).stats
+    assert stats.method == "rodas4" and "implicit ones are cheaper" in stats.choice

@@ -21,7 +21,7 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
-from drives import on_mesh, plain, plain_scene
+from drives import on_mesh, plain, plain_scene, with_belt
 from module_common import refused
 
 import beltdyn as bd
@@ -73,6 +73,13 @@ def small(t_end: float = 0.02, mesh: str = "paper", **changes: Any) -> bd.Scene:
     params = attrs.evolve(params, belt=attrs.evolve(params.belt, n_bodies=24), **changes)
     ramp = bd.PiecewiseLinear([0.0, 0.02], [[0.0, 0.0], [-50.0, 0.0]])
     return bd.Scene(params, ramp + bd.Viscous([0.0, 16.0]), t_end)
+
+
+def flowing() -> bd.Scene:
+    """An ALE belt, whose friction follows from what pressed at the ends of wraps before."""
+    params = with_belt(bd.scenes.get("unequal-pulleys").params, mesh="ale")
+    pulse = bd.PiecewiseLinear([0.0, 0.5, 1.0], [[0.0, 0.0], [-20.0, 0.0], [0.0, 0.0]])
+    return bd.Scene(params, pulse + bd.Viscous([0.0, 0.1]), 4.0)
 
 
 def often(path: Path) -> bd.Checkpoint:
@@ -192,7 +199,8 @@ def child(name: str, path: Path, out: Path) -> bd.Result:
     if path.exists():
         result = bd.resume(path, torque, every=0.0)
     else:
-        scene = plain_scene()
+        scene = flowing() if name == "ale" else plain_scene()
+        t_end = scene.t_end if name == "ale" else t_end
         options = {"checkpoint": often(path), **options} if out.name else options
         result = bd.simulate(scene.params, torque or scene.torque_fn, t_end, **options)
     if out.name:
@@ -201,7 +209,7 @@ def child(name: str, path: Path, out: Path) -> bd.Result:
 
 
 @pytest.mark.ci(guard="test_checkpoints.py::test_every_method_goes_on_from_anywhere")
-@pytest.mark.parametrize("name", [*METHODS, "function"])
+@pytest.mark.parametrize("name", [*METHODS, "function", "ale"])
 def test_a_run_survives_kills(name: str, tmp_path: Path) -> None:
     """Four times, soon after it has written something; where it has finished before, it begins
     anew.

@@ -108,7 +108,6 @@ typedef struct bd_ale_belt {
   int *slot;                 /* of cells, as the state vector has them */
   double *carried, *inertia; /* (mounts, mounts) */
   double *forces;            /* (2, mounts), at rest */
-  double *renewed;           /* when ends of wraps were, last; NaN: in no step */
   double *seen;              /* the state that the last rate is of, */
   int known;                 /* 1: if it still is; 2: with forces on axes that stand */
 } bd_ale_belt;

@@ -99,7 +99,7 @@ typedef struct bd_ale {
   double density, axial, axial_damping, bending, bending_damping; /* rhoA, EA, eta A, EI, eta I */
   double quadratic, linear;                                       /* contact, per metre */
   double gravity[2], rest;                                        /* H0 */
-  double elapsed; /* since ends of wraps were renewed last */
+  double elapsed; /* in the step, at whose end ends of wraps are renewed */
   int moving;     /* axes do, or may: geometry is laid anew */
   double gyro[BD_ALE_MODES][BD_ALE_MODES], odd[BD_ALE_MODES], parts[2][BD_ALE_MODES];
   double left_over[3]; /* of a span's consistent mass what its modes do not carry */

@@ -30,7 +30,8 @@ static const double MARGIN = 1.25;
 static const double HELD = 10.0;
 enum { LONG_WARM_UP = 512 };
 /* From this tolerance on the second order is the cheapest; and where friction saturates within so
- * small a part of a joint's stretch that every reversal is a jump, which no order gets past. */
+ * small a part of a joint's stretch that every reversal is a jump, which no order gets past. Modes
+ * of a belt that flows ask for a higher one at any tolerance. */
 static const double COARSE = 0.02, JUMPS = 100.0;
 /* A Python torque costs this much a call [us]. */
 static const double CALL = 1.0;
@@ -52,14 +53,19 @@ static double cost_of(const bd_sim *sim, const bd_method *m) {
 
 void bd_auto_pair(const bd_model *model, double rtol, bd_auto *pair) {
   double stretch = model->info.strain * model->info.link_length;
-  int jumps = stretch > JUMPS * bd_least_slip(model);
+  const int coarse = rtol >= COARSE || stretch > JUMPS * bd_least_slip(model);
+  const int flows = model->belt_model->facts.flows;
   pair->method[AUTO_EXPLICIT] = bd_method_find("tsit5");
-  pair->method[AUTO_IMPLICIT] = bd_method_find(rtol >= COARSE || jumps ? "lbdf2" : "rodas4");
+  pair->method[AUTO_IMPLICIT] = bd_method_find(coarse && !flows ? "lbdf2" : "rodas4");
 }
 
 /* Cost of a simulated second [us]: of the explicit method at its longest step; of the implicit one
- * at best. */
+ * at best. Waves in the cells of a belt that flows are not worth following, and explicit steps let
+ * them grow where nothing damps them. */
 static double explicit_cost(const bd_sim *sim) {
+  if (sim->stepper.model->belt_model->facts.flows) {
+    return (double)INFINITY;
+  }
   const bd_method *m = sim->choice.method[AUTO_EXPLICIT];
   double h = bd_method_longest(m, sim->stepper.model);
   return cost_of(sim, m) / (sim->stepper.max_step > 0.0 ? fmin(h, sim->stepper.max_step) : h);

@@ -134,13 +134,19 @@ static double shortest(const bd_sim *sim) {
  * below 1e-5 of that mode by any method of order 4, and the controller lengthens it by five times a
  * step. Of a method that looks back nothing checks its first step, which is of order 1 and errs by
  * (h lambda)^2 / 2 of all that is stiff: by no more than errors may be, as far as the time has
- * digits for it. */
+ * digits for it. Implicit stages need not follow waves through the cells of a belt that flows,
+ * whose time constants contact and friction make much shorter: its first step is as long as such a
+ * wave takes for a cell, and fifteen steps that only grow are saved. */
 static double first_step(const bd_sim *sim) {
   const double SHARE_OF_TIME_CONSTANT = 0.1;
   const bd_stepper *stepper = &sim->stepper;
-  const double h = SHARE_OF_TIME_CONSTANT / stepper->model->info.spectral_bound;
+  const bd_model *model = stepper->model;
+  const double h = SHARE_OF_TIME_CONSTANT / model->info.spectral_bound;
   if (stepper->method->history == 0) {
-    return h;
+    const double wave = sqrt(model->belt.axial_stiffness / model->belt.linear_density);
+    return stepper->method->implicit && model->belt_model->facts.flows
+               ? model->info.link_length / wave
+               : h;
   }
   const double error = bd_method_tolerance(stepper->method, stepper->model, stepper->rtol);
   const double fastest = bd_stiffness_of(stepper->model, &stepper->plan.torques).bound;

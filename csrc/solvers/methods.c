@@ -40,9 +40,18 @@ const bd_method *bd_method_find(const char *name) {
   return NULL;
 }
 
-static const double *aim_of(const bd_method *method, const bd_model *model) {
-  return model->belt_model->facts.smooth && method->aim_smooth[0] > 0.0 ? method->aim_smooth
-                                                                        : method->aim;
+typedef struct aim {
+  double factor, exponent;
+} aim;
+
+/* Of a belt that says by which share of rtol, local errors add up as those of smooth motions do: to
+ * what goes with the order of the method. */
+static aim aim_of(const bd_method *method, const bd_model *model) {
+  const bd_belt_facts *belt = &model->belt_model->facts;
+  const double *as = belt->smooth && method->aim_smooth[0] > 0.0 ? method->aim_smooth : method->aim;
+  return belt->by_rtol > 0.0
+             ? (aim){belt->by_rtol, (double)method->error_order / (double)method->order}
+             : (aim){as[0], as[1]};
 }
 
 /* Of methods that look back, differences of states say nothing below what rounding leaves of a
@@ -55,13 +64,13 @@ static const double *aim_of(const bd_method *method, const bd_model *model) {
 double bd_method_tolerance(const bd_method *method, const bd_model *model, double rtol) {
   const int back = method->history > 0;
   const double least = back ? 1e-10 : 0.0, most = method->implicit && !back ? 1.0 : 0.22;
-  const double *aim = aim_of(method, model), by_rtol = model->belt_model->facts.by_rtol;
-  return fmax(least, fmin(most, by_rtol > 0.0 ? by_rtol * rtol : aim[0] * pow(rtol, aim[1])));
+  const aim to = aim_of(method, model);
+  return fmax(least, fmin(most, to.factor * pow(rtol, to.exponent)));
 }
 
 double bd_method_error(const bd_method *method, const bd_model *model, double local) {
-  const double *aim = aim_of(method, model), by_rtol = model->belt_model->facts.by_rtol;
-  return by_rtol > 0.0 ? local / by_rtol : pow(local / aim[0], 1.0 / aim[1]);
+  const aim from = aim_of(method, model);
+  return pow(local / from.factor, 1.0 / from.exponent);
 }
 
 /* A step at the stability limit of the joints, which is known, would let rounding errors and
