@@ -228,7 +228,8 @@ class Contact(Printable):
     begins. That of K. H. Hunt and F. R. E. Crossley ("Coefficient of restitution interpreted as
     damping in vibroimpact", J. Appl. Mech. 42, 1975, 440-445), ``hunt_crossley``, grows with the
     force, so that there is no jump; what meets a pulley at the speed v is thrown back with
-    1 - 2/3 hunt_crossley v of it, if little is lost.
+    1 - 2/3 hunt_crossley v of it, if little is lost. On an ALE belt, of which nothing lands, the
+    two damp nothing.
 
     Without a stiffness, ``Contact()``, one is chosen that makes the contact give by a hundredth of
     what the belt stretches: ``linear`` 100 EA / R^2 of the smallest pulley, so that tension and

@@ -109,7 +109,8 @@ def test_its_jacobian_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     ours = np.zeros((at.size, at.size))
     np.add.at(ours, (rows, columns), values)
     assert np.all(ours[at < 0] == 0.0) and np.all(ours[:, at < 0] == 0.0)
-    theirs = np.asarray(runs.jacobian(model, 0.0, y, central=True))
+    # a place of the seven pulleys is 1e-6 off the change of its sense of slip
+    theirs = np.asarray(runs.jacobian(model, 0.0, y, central=True, eps=1e-7))
     ours, theirs = ours[at >= 0][:, at >= 0], theirs[at[at >= 0]][:, at[at >= 0]]
     scale = scale[at[at >= 0]]
     ours, theirs = (one * scale / scale[:, None] for one in (ours, theirs))
