@@ -34,6 +34,7 @@ class Axial:
     slid: Array  # w, nodes: v less V.t
     pressing: Array  # H of all cells
     share: Array  # W at both ends of what lies of the cells on arcs (..., 2, N_arc)
+    held: Array  # what of W is the end's, cuts, s R/e of that (..., 3, 2, N_arc)
     cuts: Array  # where these ends are, as fractions of the cell; twice 0 where nothing lies
     normal: Array  # N of both ends
     apart: Array  # w of a cell's last node less that of its first, in spans of v
@@ -155,23 +156,35 @@ class Ale(Mesh):
         lifts = self.linear_density * m[..., arcs] * outward / angle
         pressing[..., arcs] = tension[..., arcs] - centrifugal - lifts
         held = self.held if self.held is not None else self.boundary(pressing_span, geo.wrap)
-        share, cuts = held[..., 0, :, :], held[..., 1, :, :]
-        normal = 0.5 * (np.maximum(0.0, pressing[..., arcs]) * angle)[..., None, :] * share
+        end, cuts, roll = held[..., 0, :, :], held[..., 1, :, :], held[..., 2, 0, :]
+        part = np.diff(cuts, axis=-2)
+        lies = part > 0.0
+        share = np.where(lies, np.maximum(part + end, 0.0), 0.0)
+        waves = self.modes * math.pi / geo.span[..., None]
+        slope = waves * (a + self.offset(geo.span) - static)  # of what waves add to rest
+        lifted = (slope.sum(axis=-1), (-((-1.0) ** self.modes) * slope).sum(axis=-1))
+        first = 2.0 * self.fraction[arcs] < 1.0
+        force = np.maximum(pressing_span, SLOPES[0] * self.h_0)
+        force = np.where(first, np.roll(force, 1, axis=-1)[..., of], force[..., of])
+        turned = np.where(first, np.roll(lifted[1], 1, axis=-1)[..., of], lifted[0][..., of])
+        shear = (force * (1.0 - roll * turned))[..., None, :]
+        normal = np.maximum(0.0, pressing[..., arcs])[..., None, :] * part + shear * end
+        normal = 0.5 * angle[..., None, :] * np.where(lies, np.maximum(normal, 0.0), 0.0)
         return Axial(
             length=length, stretch=stretch, at_node=at_node, elastic=elastic, tension=tension,
             flow=past / at_node, past=past, sink=sink, slid=slid, pressing=pressing,
-            share=share, cuts=cuts, normal=normal, apart=rate, static=static, path=path,
+            share=share, held=held, cuts=cuts, normal=normal, apart=rate, static=static, path=path,
         )  # fmt: skip
 
     def boundary(self, pressing: Array, wrap: Array) -> Array:
-        """W, and what lies of a cell as fractions of it, at both ends of what lies of the cells on
-        arcs (..., 2, 2, N_arc), from H of the spans: the belt touches from e on. Load and its first
-        moment are kept in each cell. [3]
+        """What the end of a wrap has of W, what lies of a cell as fractions of it, at both ends of
+        what lies of the cells on arcs, and s R/e (..., 3, 2, N_arc), from H of the spans: the belt
+        touches from e on. Load and its first moment are kept in each cell. [3]
         """
         ei, of = self.bending_stiffness, self.arc_pulley
         if ei == 0.0 or not self.boundary_layers:
             cuts = np.broadcast_to(np.array([[0.0], [1.0]]), (2, len(self.arcs)))
-            held = np.stack((np.ones_like(cuts), cuts))
+            held = np.stack((np.zeros_like(cuts), cuts, np.zeros_like(cuts)))
             return np.broadcast_to(held, (*pressing.shape[:-1], *held.shape))
         whole = (self.radii * wrap)[..., of]
         h = np.maximum(pressing, SLOPES[0] * self.h_0)
@@ -206,10 +219,12 @@ class Ale(Mesh):
         lies = s_1 - s_0 > 0.02 * part
         (c_0, sum_0), (c_1, sum_1) = carried(s_0), carried(s_1)
         mean = (sum_1 - sum_0) / np.where(lies, s_1 - s_0, 1.0)
-        share = (s_1 - s_0)[..., None, :] + 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2)
-        share = share / part[..., None, :]
+        end = 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2) / part[..., None, :]
         cuts = np.stack((s_0 - begin, s_1 - begin), axis=-2) / part[..., None, :]
-        held = np.stack((np.maximum(share, 0.0), cuts), axis=-3)
+        reach = [np.maximum(one[0], 0.5 / one[1]) for one in ends]
+        reach = np.where(2.0 * self.fraction[self.arcs] < 1.0, *reach)
+        roll = (self.s * self.radii)[of] / reach
+        held = np.stack((end, cuts, np.stack((roll, roll), axis=-2)), axis=-3)
         return np.where(lies[..., None, None, :], held, 0.0)
 
     # ---- [4] friction --------------------------------------------------------------------------

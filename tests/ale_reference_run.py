@@ -242,7 +242,7 @@ def hold(model: Ale, y: Array) -> None:
     """Freeze W of the ends of wraps as this state has it."""
     object.__setattr__(model, "held", None)
     ax = model.axial(y, model.geometry(0.0, y))
-    object.__setattr__(model, "held", np.stack((ax.share, ax.cuts), axis=-3))
+    object.__setattr__(model, "held", ax.held)
 
 
 def relaid(model: Ale, y: Array, before: Array, elapsed: float) -> Array:

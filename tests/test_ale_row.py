@@ -103,7 +103,7 @@ def test_its_jacobian_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     model = on_mesh_of(params)
     y, scale = displaced(model, speed, amplitude=0.01), runs.scales(model)
     ax = model.axial(y, model.geometry(0.0, y))
-    model = dataclasses.replace(model, held=np.stack((ax.share, ax.cuts), axis=-3))
+    model = dataclasses.replace(model, held=ax.held)
     at = core_places(model, params)
     rows, columns, values = params._model.jacobian(state_of(model, y)._to_core(params))
     ours = np.zeros((at.size, at.size))

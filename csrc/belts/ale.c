@@ -187,7 +187,7 @@ static void make_arc(bd_ale *ale, const bd_ale_drive *drive, int j, int begin) {
   for (int k = 0; k < arc->slots; ++k) {
     ale->fraction[begin + k] = (double)k / arc->n;
     ale->is_cell[begin + k] = k < arc->n ? 1.0 : 0.0;
-    ale->share_a[begin + k] = ale->share_b[begin + k] = 1.0;
+    ale->end_a[begin + k] = ale->end_b[begin + k] = ale->roll[begin + k] = 0.0;
     ale->cut_a[begin + k] = 0.0;
     ale->cut_b[begin + k] = 1.0;
     ale->lies[begin + k] = ale->is_cell[begin + k];

@@ -63,10 +63,15 @@ typedef struct bd_ale_answer {
 /* To what moves its first node, its last one; to the rate of its metres. */
 enum { BD_ALE_FIRST, BD_ALE_LAST, BD_ALE_FILLS, BD_ALE_ANSWERS };
 
+/* Unknowns of a span. */
+enum { BD_ALE_OF_SPAN = 3 + 2 * BD_ALE_MODES };
+
 /* The Jacobian of the belt's rates by the belt's unknowns; by pulley its column of the rim's speed,
  * the row of the torque on it, and that torque by that speed. Of axes that have a lever: the row of
  * the belt's force along it, and that force by the speeds of rims; columns of the travel's speed
- * and of the travel, torques and forces by them: (which, on what, by which). */
+ * and of the travel, torques and forces by them: (which, on what, by which). The shear of the ends
+ * of a span, which friction cells deep in the arcs feels, goes by the span's unknowns: by span and
+ * end this row, the columns of what follows the shear, torque and force by it. */
 typedef struct bd_ale_newton {
   bd_ale_ring ring;
   bd_ale_slopes slopes;
@@ -75,6 +80,7 @@ typedef struct bd_ale_newton {
   int *cell_block, *cell_at, *node_block, *node_at; /* by slot: of m, which z follow; of v */
   double *column, *row, *own;
   double *push, *push_by_rim, *moved[2], *torque_by[2], *push_by[2];
+  double (*shear_row)[BD_ALE_OF_SPAN], *shear_column, *shear_torque, *shear_push;
   bd_ale_answer (*answers)[BD_ALE_ANSWERS]; /* by span */
 } bd_ale_newton;
 

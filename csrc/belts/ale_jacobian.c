@@ -7,8 +7,8 @@
  * with the node between them m, v, v, a, p             a span with both its ends
  *
  * no block is coupled further than to its neighbours, but by the length of a cell, which the speed
- * of both its ends has to do with through v^2: 1e-5 of what else is there, left out here. W is
- * frozen in a step.
+ * of both its ends has to do with through v^2: 1e-5 of what else is there, left out here. Where
+ * belt touches is frozen in a step; what of its load goes by the spans, cells deep, stands beside.
  */
 #include <math.h>
 #include <string.h>
@@ -55,6 +55,11 @@ static double *beside(const filling *f, double *vectors, int j, place at) {
 
 /* --- arcs ------------------------------------------------------------------------------------- */
 
+/* The end of a span that loads a cell of arc j. */
+static int end_at(const bd_ale *ale, int j, int k) {
+  return 2 * k < ale->arcs[j].n ? 2 * ale->arcs[j].before + 1 : 2 * j;
+}
+
 /* Flow through a node by the metres of both its cells, and by its speed. */
 typedef struct flow_slopes {
   double before, here, v;
@@ -87,6 +92,7 @@ static void fill_cell(const filling *f, int j, int k) {
   double *const v = entry(f, row, node_at(f, slot)), *const v_next =
                                                          entry(f, row, node_at(f, slot + 1));
   double *const rim = beside(f, f->newton->column, j, row);
+  double *const shear = beside(f, f->newton->shear_column, end_at(ale, j, k), row);
   const flow_slopes in = flow_by(f, slot), out = flow_by(f, slot + 1);
   const double per_m = 1.0 / f->y->m[slot];
   const double flow = 0.5 * per_m * (ale->flow[slot] + ale->flow[slot + 1]);
@@ -110,6 +116,7 @@ static void fill_cell(const filling *f, int j, int k) {
     v[row_e] = by->rate[end][BD_ALE_V][at] + 0.5 * moves * in.v;
     v_next[row_e] = by->rate[end][BD_ALE_V_AFTER][at] + 0.5 * moves * out.v;
     rim[row_e] = by->rate[end][BD_ALE_RIM][at];
+    shear[row_e] = by->rate[end][BD_ALE_SHEAR][at];
     own[(1 + e % states) * lead + row_e] = flow * share[0];
     own[(1 + states + e % states) * lead + row_e] = flow * share[1];
     own[row_e * lead + row_e] += by->rate_z[end][at];
@@ -149,6 +156,10 @@ static void fill_node(const filling *f, int j, int k) {
   *entry(f, row, node_at(f, slot + 1)) = per * of_next[BD_ALE_V_AFTER][slot];
   *beside(f, f->newton->column, j, row) =
       per * (of_last[BD_ALE_RIM][slot - 1] + of_next[BD_ALE_RIM][slot]);
+  double *const shear = f->newton->shear_column;
+  *beside(f, shear, end_at(f->ale, j, k), row) = 0.0;
+  *beside(f, shear, end_at(f->ale, j, k - 1), row) = per * of_last[BD_ALE_SHEAR][slot - 1];
+  *beside(f, shear, end_at(f->ale, j, k), row) += per * of_next[BD_ALE_SHEAR][slot];
   for (int e = 0; e < states; ++e) {
     const int at = e * f->newton->stride + slot;
     for (int end = 0; end < 2; ++end) {
@@ -164,7 +175,9 @@ static void fill_torque(const filling *f, int j) {
   const bd_ale_arc *arc = &f->ale->arcs[j];
   const bd_ale_slopes *by = &f->newton->slopes;
   double *const row = f->newton->row, *const *const torque = by->torque;
-  f->newton->own[j] = 0.0;
+  memset(row + j * f->newton->ring.unknowns, 0, (size_t)f->newton->ring.unknowns * sizeof *row);
+  f->newton->own[j] = f->newton->shear_torque[end_at(f->ale, j, 0)] =
+      f->newton->shear_torque[2 * j] = 0.0;
   for (int slot = arc->begin; slot < arc->begin + arc->n; ++slot) {
     const double part = f->ale->cut_b[slot] - f->ale->cut_a[slot];
     const double before = slot > arc->begin ? torque[BD_ALE_V_AFTER][slot - 1] : 0.0;
@@ -173,9 +186,11 @@ static void fill_torque(const filling *f, int j) {
     *beside(f, row, j, node_at(f, slot + 1)) = torque[BD_ALE_V_AFTER][slot];
     cell[0] = torque[BD_ALE_M][slot];
     f->newton->own[j] += torque[BD_ALE_RIM][slot];
+    f->newton->shear_torque[end_at(f->ale, j, slot - arc->begin)] += torque[BD_ALE_SHEAR][slot];
     for (int e = 0; e < 2 * arc->states; ++e) {
-      const double share = (e < arc->states ? f->ale->share_a : f->ale->share_b)[slot] / part;
-      cell[1 + e] = -arc->sense * (arc->radius + arc->raised - f->ale->sink[slot] * share) *
+      const double more = (e < arc->states ? f->ale->end_a : f->ale->end_b)[slot];
+      const double deep = bd_at_least(part + more, 0.0) / part;
+      cell[1 + e] = -arc->sense * (arc->radius + arc->raised - f->ale->sink[slot] * deep) *
                     by->total_z[e / arc->states][e % arc->states * f->newton->stride + slot];
     }
   }
@@ -272,6 +287,8 @@ static void fill_beside(const filling *f, int i, int end) {
   respond(f, i, entry(f, row, node_at(f, node)), 0.0, end,
           total[end == 0 ? BD_ALE_V : BD_ALE_V_AFTER][cell]);
   respond(f, i, beside(f, f->newton->column, j, row), 0.0, end, total[BD_ALE_RIM][cell]);
+  respond(f, i, beside(f, f->newton->shear_column, 2 * i + end, row), 0.0, end,
+          total[BD_ALE_SHEAR][cell]);
   for (int e = 0; e < 2 * states; ++e) {
     const double cut = (e < states ? f->ale->cut_a : f->ale->cut_b)[cell];
     respond(f, i, to + (1 + e) * lead, 0.0, end,
@@ -321,6 +338,7 @@ static void push_by_arc(const filling *f, int j) {
   const double half = 0.5 * ale->density;
   double *const push = f->newton->push, *const by_rim = f->newton->push_by_rim + j * ale->np;
   memset(push + j * f->newton->ring.unknowns, 0, (size_t)f->newton->ring.unknowns * sizeof *push);
+  f->newton->shear_push[end_at(ale, j, 0)] = f->newton->shear_push[2 * j] = 0.0;
   memset(by_rim, 0, (size_t)ale->np * sizeof *by_rim);
   for (int at = 0; at < 2 * arc->n; ++at) {
     const int slot = arc->begin + at / 2, end = at % 2, node = slot + end;
@@ -340,6 +358,8 @@ static void push_by_arc(const filling *f, int j) {
                       arc->half_turn * (quarter * w + through));
     }
     by_rim[j] += along_lever(ale, j, node, -total[BD_ALE_RIM][slot], 0.0);
+    f->newton->shear_push[end_at(ale, j, at / 2)] +=
+        along_lever(ale, j, node, -total[BD_ALE_SHEAR][slot], 0.0);
     for (int e = 0; e < 2 * arc->states; ++e) {
       const double cut = (e < arc->states ? ale->cut_a : ale->cut_b)[slot];
       cell[1 + e] +=
@@ -393,6 +413,16 @@ static void push_by_span(const filling *f, int i, place column, const span_move 
   }
 }
 
+/* A row of what follows the shear of an end, by the span's unknowns. */
+static void add_shear(const filling *f, int i, int end, double *row, double by) {
+  const bd_ale_arc *arc = &f->ale->arcs[i];
+  const bd_ale_newton *newton = f->newton;
+  row += newton->ring.blocks[newton->cell_block[arc->begin + arc->n]].at;
+  for (int c = 0; c < BD_ALE_OF_SPAN; ++c) {
+    row[c] += by * newton->shear_row[2 * i + end][c];
+  }
+}
+
 /* What rates of a span's modes do to the axes at its ends, by all that they depend on. */
 static void push_by_modes(const filling *f, int i) {
   const bd_ale *ale = f->ale;
@@ -414,6 +444,11 @@ static void push_by_modes(const filling *f, int i) {
           *beside(f, f->newton->push, j, (place){near[p], c}) +=
               share * parts[p][c * block->lead + 3 + K + n];
         }
+      }
+      for (int e = 0; e < 2; ++e) {
+        const double by =
+            f->newton->shear_column[(2 * i + e) * ring->unknowns + block->at + 3 + K + n];
+        add_shear(f, i, e, f->newton->push + j * ring->unknowns, share * by);
       }
       for (int rim = 0; rim < ale->np; ++rim) {
         f->newton->push_by_rim[j * ale->np + rim] +=
@@ -439,6 +474,22 @@ static void prepare_span(const filling *f, int i) {
   }
   stretch[arc->begin + arc->n] = -span->stretch * span->per_slope / f->ale->axial;
   stretch[f->ale->arcs[arc->next].begin - 1] = stretch[arc->begin + arc->n];
+}
+
+/* The shear of an end, H (1 - s R / e times the angle by which waves lift it). */
+static double shear_by(const bd_ale *ale, int i, int end, const span_move *by, double pressing) {
+  const bd_ale_span *span = &ale->spans[i];
+  const bd_ale_arc *arc = &ale->arcs[i];
+  const double roll = ale->roll[end == 0 ? arc->begin + arc->n - 1 : ale->arcs[arc->next].begin];
+  const double least = BD_ALE_LEAST * ale->rest, moves = span->pressing > least ? pressing : 0.0;
+  double lifted = 0.0;
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
+    const double k = span->wave[n], stiff = span->pressing + span->stiff[n] * k * k;
+    const double slope = k * (by->a[n] + (moves != 0.0 ? span->rest[n] * moves / stiff : 0.0));
+    lifted += end == 0 || n % 2 == 0 ? slope : -slope;
+  }
+  return moves * (1.0 - roll * span->lifted[end]) -
+         bd_at_least(span->pressing, least) * roll * lifted;
 }
 
 /* Columns of a span's own unknowns. */
@@ -487,6 +538,7 @@ static void fill_span(const filling *f, int i) {
       by.total[end] = sign * (by.elastic + damping) - carries +
                       (c == 0 ? half * by_mass(f, node) : 0.0) - losing[end] - bends[end] +
                       own * of_v[end];
+      f->newton->shear_row[2 * i + end][c] = shear_by(ale, i, end, &by, pressing);
       by.fills += sign * per * (own - 0.5 * ale->flow[node] * by.stretch);
     }
     const bd_ale_answer out = answer_of(f, i, &by);
@@ -526,5 +578,12 @@ void bd_ale_linearise(bd_ale_newton *newton, const bd_ale *ale, const bd_ale_ker
     fill_beside(&f, i, 0);
     fill_beside(&f, i, 1);
     push_by_modes(&f, i);
+    for (int end = 0; end < 2; ++end) {
+      const int j = end == 0 ? i : ale->arcs[i].next, at = j * newton->ring.unknowns;
+      add_shear(&f, i, end, newton->row + at, newton->shear_torque[2 * i + end]);
+      if (has_lever(ale, j)) {
+        add_shear(&f, i, end, newton->push + at, newton->shear_push[2 * i + end]);
+      }
+    }
   }
 }

@@ -31,8 +31,10 @@ double bd_ale_push(const bd_plan *plan, const double *y, int j, double force[2])
 /* Of a cell of an arc both ends together, counter-clockwise. */
 static void rubbing(const bd_ale *ale, int j, int slot, double out[4]) {
   const bd_ale_arc *arc = &ale->arcs[j];
-  const double share = ale->share_a[slot] + ale->share_b[slot];
-  const double normal = 0.5 * fmax(0.0, ale->pressing[slot]) * arc->cell_angle * share;
+  const double own = fmax(0.0, ale->pressing[slot]) * (ale->cut_b[slot] - ale->cut_a[slot]);
+  const double both = fmax(0.0, own + ale->shear[slot] * ale->end_a[slot]) +
+                      fmax(0.0, own + ale->shear[slot] * ale->end_b[slot]);
+  const double normal = 0.5 * ale->lies[slot] * arc->cell_angle * both;
   const double friction = arc->sense * (ale->force_a[slot] + ale->force_b[slot]);
   const double rho = arc->radius + arc->raised - ale->sink[slot];
   out[0] = normal;
@@ -201,9 +203,11 @@ double bd_ale_error(const bd_plan *plan, const bd_step_sum *of) {
       add_error(&at, k > 0 ? OF_ARCS : OF_SPANS, (size_t)(lay->v + c), 1.0);
       for (int e = 0; e < 2 * arc->states; ++e) {
         const int end = e / arc->states, row = end * lay->states + e % arc->states;
-        const double *share = end == 0 ? ale->share_a : ale->share_b;
+        const int slot = arc->begin + k;
+        const double more = (end == 0 ? ale->end_a : ale->end_b)[slot];
+        const double share = ale->cut_b[slot] - ale->cut_a[slot] + more;
         add_error(&at, OF_ARCS, bd_field_offset(lay, F_MU, row) + (size_t)c,
-                  bd_at_most(share[arc->begin + k], 1.0));
+                  ale->lies[slot] * bd_at_most(bd_at_least(share, 0.0), 1.0));
       }
     }
     ++c;

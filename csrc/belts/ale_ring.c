@@ -144,6 +144,10 @@ void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale_
     BD_CARVE(carver, newton->torque_by[of], np * np);
     BD_CARVE(carver, newton->push_by[of], np * np);
   }
+  BD_CARVE(carver, newton->shear_row, 2 * np);
+  BD_CARVE(carver, newton->shear_column, 2 * np * newton->ring.unknowns);
+  BD_CARVE(carver, newton->shear_torque, 2 * np);
+  BD_CARVE(carver, newton->shear_push, 2 * np);
   BD_CARVE(carver, newton->answers, np);
   if (carver->base) {
     place_unknowns(newton, drive);

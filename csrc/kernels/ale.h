@@ -72,6 +72,7 @@ typedef struct bd_ale_span {
    * what is left over) */
   double past, elastic, pressing, stretch, bent, path, per_slope, by_pressing;
   double rest[BD_ALE_MODES]; /* A_n */
+  double lifted[2];          /* by waves, the angle at both ends */
   /* momentum: a', G a, G a', a + b, p~', and sums of theirs; c' */
   double da[BD_ALE_MODES], ga[BD_ALE_MODES], gda[BD_ALE_MODES], ab[BD_ALE_MODES], dp[BD_ALE_MODES];
   double losing[2], per_losing[2]; /* damped bending at both ends; over c of the node there */
@@ -80,14 +81,16 @@ typedef struct bd_ale_span {
 } bd_ale_span;
 
 /* A block of numbers by slot each. Fixed: of nodes the fraction of the wrap, 1 in cells of arcs,
- * else 0; in a step W at both ends of what lies on the pulley of a cell, these ends as fractions of
- * it (0 and 1 if nothing does), 1 if something lies there, else 0. Of nodes: t, Omega, V.n; w, c;
+ * else 0; in a step what W at both ends of what lies on the pulley of a cell has of the end of the
+ * wrap, s R / e of that, these ends as fractions of it (0 and 1 if nothing does), 1 if something
+ * lies there, else 0. Of nodes: t, Omega, V.n; w, c;
  * J, 1 / lambda; what moves them. Of cells: d, lambda, T without damping and with it, H, energy of
- * bending per metre. Of both ends of cells friction, and F (u' - u) along t and n. */
-#define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(share_a) X(share_b) X(cut_a) X(cut_b) X(lies)
+ * bending per metre, the shear by which the end of the wrap loads it. Of both ends of cells
+ * friction, and F (u' - u) along t and n. */
+#define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(end_a) X(end_b) X(roll) X(cut_a) X(cut_b) X(lies)
 #define BD_ALE_AT_NODES(X) X(tx) X(ty) X(turn) X(across) X(slid) X(past)
 #define BD_ALE_THROUGH_NODES(X) X(flow) X(per_stretch) X(total)
-#define BD_ALE_OF_CELLS(X) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent)
+#define BD_ALE_OF_CELLS(X) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent) X(shear)
 #define BD_ALE_AT_ENDS(X) X(force_a) X(force_b) X(carried_t) X(carried_n)
 #define BD_ALE_SLOTS(X)                                                                            \
   BD_ALE_FIXED(X)                                                                                  \
@@ -119,9 +122,9 @@ typedef struct bd_ale_state {
 
 /* Derivatives by cell of an arc, with the flow through it held: of its stretch by its metres; of
  * what moves the node at either end, over which its mass stands, and of the torque, by its metres,
- * by the speeds of both nodes, by that of the rim; rates of states at either end by the same, by
- * themselves, and what moves the node by them, elements `stride` after one another. */
-enum { BD_ALE_M, BD_ALE_V, BD_ALE_V_AFTER, BD_ALE_RIM, BD_ALE_BYS };
+ * by the speeds of both nodes, by that of the rim, by the shear; rates of states at either end by
+ * the same, by themselves, and what moves the node by them, elements `stride` after one another. */
+enum { BD_ALE_M, BD_ALE_V, BD_ALE_V_AFTER, BD_ALE_RIM, BD_ALE_SHEAR, BD_ALE_BYS };
 
 typedef struct bd_ale_slopes {
   double *stretch, *total[2][BD_ALE_BYS], *torque[BD_ALE_BYS];

@@ -5,17 +5,17 @@
  */
 
 /* What an arc's cells have in common at slot k: what of a cell lies on the pulley, and its half in
- * metres of belt; what presses, in all. */
+ * metres of belt; what presses, in all, and the shear of the end of the wrap. */
 typedef struct lying {
-  vec part, per_part, half_m, pressed, lies;
+  vec part, per_part, half_m, pressed, shear, lies;
 } lying;
 
 /* One place of friction of cells, at either end of what lies there: how far it is through the cell,
- * on which radius; slip velocity and normal force per metre for the law, whose force is per metre
- * of belt, of which a place has half of what lies. */
+ * on which radius, by W over what lies; slip velocity and normal force per metre for the law, whose
+ * force is per metre of belt, of which a place has half of what lies. */
 typedef struct rubbing {
   law_at at;
-  vec from, rho, slip;
+  vec from, deep, rho, slip;
   mask moves; /* its state */
 } rubbing;
 
@@ -26,23 +26,26 @@ INLINE lying lying_at(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_sta
       .per_part = splat(1.0) / part,
       .half_m = half * load(y->m + k) * part,
       .pressed = half * splat(arc->cell_angle) * larger(load(ale->pressing + k), splat(0.0)),
+      .shear = half * splat(arc->cell_angle) * load(ale->shear + k),
       .lies = load(ale->lies + k),
   };
 }
 
 INLINE rubbing rub_at(const bd_ale *ale, const bd_ale_arc *arc, const lying *on, int k,
                       const int end) {
-  const vec none = splat(0.0), share = load((end == 0 ? ale->share_a : ale->share_b) + k);
+  const vec none = splat(0.0), more = load((end == 0 ? ale->end_a : ale->end_b) + k);
   const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
   const vec from = load((end == 0 ? ale->cut_a : ale->cut_b) + k);
-  const vec depth = load(ale->sink + k) * share * on->per_part;
-  const vec rho = splat(arc->radius + arc->raised) - depth;
+  const vec deep = larger(on->part + more, none) * on->per_part;
+  const vec rho = splat(arc->radius + arc->raised) - load(ale->sink + k) * deep;
+  const vec normal = larger(fma_(on->shear, more, on->pressed * on->part), none);
   const vec slip = fma_(from, there - here, here) - splat(arc->sense * arc->axis.omega) * rho;
   return (rubbing){
       .at = {.v = where(less(none, on->lies), slip),
-             .normal = on->lies * on->pressed * share / on->half_m,
+             .normal = on->lies * normal / on->half_m,
              .touch = less(none, on->lies)},
       .from = from,
+      .deep = deep,
       .rho = rho,
       .slip = slip,
       .moves = less(none, on->lies),

@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: MIT
  *
  * A belt that flows: derivatives of an arc's cells, of what they do to both their nodes, to the
- * pulley and to their states of friction, with W and the flow through them held.
+ * pulley and to their states of friction, with W and the flow through them held;
+ * the shear of the end of the wrap is an unknown beside.
  */
 
-/* More of what presses, of slip, by a cell's metres, by the speeds of its nodes, by the rim. */
+/* More of what presses, of slip, by a cell's metres, by the speeds of its nodes, by the rim, by the
+ * shear. */
 typedef struct rubbed {
   vec normal[BD_ALE_BYS], slip[BD_ALE_BYS];
 } rubbed;
@@ -78,26 +80,31 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
         [BD_ALE_V] = -damped - thrown,
         [BD_ALE_V_AFTER] = damped - thrown,
         [BD_ALE_RIM] = none,
+        [BD_ALE_SHEAR] = none,
     };
     const vec bent = two * load(ale->bent + k) * per_m;
     /* friction of both places, of which a part acts on the node behind */
     const vec before = load(ale->force_a + k), after = load(ale->force_b + k);
-    vec torque[BD_ALE_BYS] = {none, none, none, none};
-    vec rubs_on[2][BD_ALE_BYS] = {{none, none, none, none}, {none, none, none, none}};
+    vec torque[BD_ALE_BYS] = {none, none, none, none, none};
+    vec rubs_on[2][BD_ALE_BYS] = {{none, none, none, none, none}, {none, none, none, none, none}};
     for (int end = 0; law != BD_LAW_NONE && end < 2; ++end) {
-      const vec share = load((end == 0 ? ale->share_a : ale->share_b) + k) * on.per_part;
       const vec at_last = (after - load(ale->cut_a + k) * (before + after)) * on.per_part;
       const vec now = end == 0 ? before + after - at_last : at_last;
       rubbing rubs = rub_at(ale, arc, &on, k, end);
-      rubbed by = {.slip = {speed * share * sink, one - rubs.from, rubs.from, -sense * rubs.rho}};
+      rubbed by = {
+          .slip = {speed * rubs.deep * sink, one - rubs.from, rubs.from, -sense * rubs.rho, none}};
       vec force[BD_ALE_BYS];
       for (int u = 0; u < BD_ALE_BYS; ++u) {
-        by.normal[u] = presses * share * normal[u];
+        by.normal[u] = where(less(none, rubs.at.normal), presses * normal[u]);
       }
+      const vec more = load((end == 0 ? ale->end_a : ale->end_b) + k) * on.per_part;
+      by.normal[BD_ALE_SHEAR] = where(less(none, rubs.at.normal), on.lies * angle * per_m * more);
+      by.normal[BD_ALE_M] =
+          fnma_(by.normal[BD_ALE_SHEAR], load(ale->shear + k) * per_m, by.normal[BD_ALE_M]);
       slope_end(&c, &rubs, &on, &by, force, arc->states, y->stride, k, y->z[end], out, end, law,
                 has_states);
       force[BD_ALE_M] = fma_(now, per_m, force[BD_ALE_M]);
-      torque[BD_ALE_M] = fnma_(share * sink, now, torque[BD_ALE_M]);
+      torque[BD_ALE_M] = fnma_(rubs.deep * sink, now, torque[BD_ALE_M]);
       for (int u = 0; u < BD_ALE_BYS; ++u) {
         torque[u] = fma_(rubs.rho, force[u], torque[u]);
         rubs_on[0][u] = fma_(one - rubs.from, force[u], rubs_on[0][u]);
@@ -112,7 +119,7 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
       const vec total[BD_ALE_BYS] = {
           fma_(sign, fnma_(bent, at_node, pull), through * apart * per * stretch) -
               half * bends * at_node * stretch + half * density * by_mass(ale, dy, k + end),
-          through - lags - sign * damped, sign * damped - lags - through, none};
+          through - lags - sign * damped, sign * damped - lags - through, none, none};
       for (int u = 0; u < BD_ALE_BYS; ++u) {
         store(out->total[end][u] + k, total[u] - rubs_on[end][u]);
       }

@@ -207,6 +207,23 @@ INLINE void end_span(bd_ale *ale, const bd_ale_state *y, int i) {
   ale->tension[k] = span->elastic + ale->axial_damping * (y->v[after] - y->v[k]) / y->m[k];
   ale->pressing[k] = span->pressing;
   ale->bent[k] = 0.0;
+  span->lifted[0] = span->lifted[1] = 0.0;
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
+    const double slope = span->wave[n] * (span->ab[n] - span->rest[n]);
+    span->lifted[0] += slope;
+    span->lifted[1] += n % 2 == 0 ? slope : -slope;
+  }
+}
+
+/* What the free parts bear on both ends of a wrap; as waves lift a span the end rolls on. */
+INLINE void press_ends(bd_ale *ale, int j) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  for (int k = 0; k < arc->n; ++k) {
+    const int last = 2 * k >= arc->n, slot = arc->begin + k;
+    const bd_ale_span *span = &ale->spans[last ? j : arc->before];
+    const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
+    ale->shear[slot] = H * (1.0 - ale->roll[slot] * span->lifted[!last]);
+  }
 }
 
 /* All together: no step waits for that of another. */
@@ -243,6 +260,9 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
     stretch_cells(ale, y, j);
   }
   stretch_spans(ale, y);
+  for (int j = 0; j < ale->np; ++j) {
+    press_ends(ale, j);
+  }
   close_cells(ale, ale->stretch);
   close_cells(ale, ale->tension);
   close_cells(ale, ale->bent);
@@ -362,8 +382,10 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
     ale->lies[slot] = lies ? 1.0 : 0.0;
     ale->cut_a[slot] = from;
     ale->cut_b[slot] = lies ? to : 1.0;
-    ale->share_a[slot] = lies ? bd_at_least((part + 2.0 * (mean - a.carried)) / length, 0.0) : 0.0;
-    ale->share_b[slot] = lies ? bd_at_least((part + 2.0 * (b.carried - mean)) / length, 0.0) : 0.0;
+    ale->end_a[slot] = lies ? 2.0 * (mean - a.carried) / length : 0.0;
+    ale->end_b[slot] = lies ? 2.0 * (b.carried - mean) / length : 0.0;
+    const wrap_end *end = &ends[2 * k >= arc->n];
+    ale->roll[slot] = arc->side * arc->radius / bd_at_least(end->touch, 0.5 / end->p);
   }
 }
 

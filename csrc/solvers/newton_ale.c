@@ -3,7 +3,7 @@
  * The ALE belt in the linear systems of the implicit methods (newton_system.c): its unknowns are
  * all of first order, a ring of blocks (kernels/ale_blocks.h) with a column for each body,
  *
- *   (1 - g J) k = g c - (columns of bodies) k,
+ *   (1 - g J) k = g c - (columns of bodies) k,  J = ring + (columns of shears) (rows of shears),
  *
  * by the derivatives of belts/ale_jacobian.c. A mount's travel is eliminated, k_q = g (c_q + k_v).
  */
@@ -15,9 +15,13 @@
 struct bd_ale_system {
   bd_ale_newton newton;
   const bd_ale_kernels *kernels;
+  int *span_block; /* of spans */
   int *entry;      /* of the ring's unknowns in the state vector */
   double *bends;   /* by mount, force of the belt by what the lever turns */
   double *inertia; /* of the belt on mounts (mounts, mounts) */
+  int shears;      /* of both ends of spans; 0 without bending */
+  double *over;    /* the ring's solutions of their columns; by them shears, (1 - rows over)^-1 */
+  double *by_over, *factors;
 };
 
 /* --- layout ----------------------------------------------------------------------------------- */
@@ -42,6 +46,7 @@ static void place_unknowns(struct bd_ale_system *own, const bd_model *model) {
         cell[1 + e] = (int)bd_field_offset(lay, F_MU, of) + c;
       }
     }
+    own->span_block[i] = newton->cell_block[span];
     int *modes = own->entry + blocks[newton->cell_block[span]].at + 3;
     for (int n = 0; n < lay->modes; ++n) {
       modes[n] = lay->a + i * lay->modes + n;
@@ -57,16 +62,23 @@ static void carve(bd_carver *carver, bd_newton_system *system, const bd_model *m
   struct bd_ale_system *to = carver->base ? own : &sizes;
   bd_ale_newton_carve(carver, &to->newton, model->drive, lay->states);
   const int unknowns = to->newton.ring.unknowns;
+  BD_CARVE(carver, to->span_block, lay->np);
   BD_CARVE(carver, to->entry, unknowns);
   BD_CARVE(carver, to->bends, lay->nm);
   BD_CARVE(carver, to->inertia, lay->nm * lay->nm);
   system->width = BD_HALO + (unknowns + BD_LANES - 1) / BD_LANES * BD_LANES;
+  const int shears = 2 * lay->np;
+  BD_CARVE(carver, to->over, shears * system->width);
+  BD_CARVE(carver, to->by_over, shears * shears);
+  BD_CARVE(carver, to->factors, 2 * shears);
   BD_CARVE(carver, system->x, system->width);
   BD_CARVE(carver, system->border, bd_count_bodies(lay) * system->width);
   if (carver->base) {
     system->x += BD_HALO;
     system->ale = own;
     own->kernels = model->kernels->ale;
+    own->over += BD_HALO;
+    own->shears = model->belt.bending_stiffness > 0.0 ? shears : 0;
     place_unknowns(own, model);
   }
 }
@@ -132,8 +144,74 @@ static void fill(bd_newton_system *system, const bd_plan *plan, double *y, doubl
   }
 }
 
+/* A shear by a vector of the ring's unknowns. */
+static double shear_of(const struct bd_ale_system *own, int s, const double *x) {
+  const bd_ale_block *blocks = own->newton.ring.blocks;
+  const double *row = own->newton.shear_row[s];
+  double sum = 0.0;
+  x += blocks[own->span_block[s / 2]].at;
+  for (int c = 0; c < BD_ALE_OF_SPAN; ++c) {
+    sum += row[c] * x[c];
+  }
+  return sum;
+}
+
+/* a = a^-1, near 1, by Gauss and Jordan. */
+static void invert(int n, double *a) {
+  for (int i = 0; i < n; ++i) {
+    const double per = 1.0 / a[i * n + i];
+    a[i * n + i] = 1.0;
+    for (int k = 0; k < n; ++k) {
+      a[i * n + k] *= per;
+    }
+    for (int j = 0; j < n; ++j) {
+      const double factor = j == i ? 0.0 : a[j * n + i];
+      a[j * n + i] = j == i ? a[j * n + i] : 0.0;
+      for (int k = 0; k < n; ++k) {
+        a[j * n + k] -= factor * a[i * n + k];
+      }
+    }
+  }
+}
+
 static void factor(bd_newton_system *system) {
-  system->ale->kernels->factor(&system->ale->newton.ring);
+  struct bd_ale_system *own = system->ale;
+  const bd_ale_newton *newton = &own->newton;
+  const int n = own->shears, unknowns = newton->ring.unknowns;
+  own->kernels->factor(&newton->ring);
+  if (n == 0) {
+    return;
+  }
+  for (int s = 0; s < n; ++s) {
+    for (int u = 0; u < unknowns; ++u) {
+      own->over[s * system->width + u] = system->g * newton->shear_column[s * unknowns + u];
+    }
+  }
+  own->kernels->solve_all(&newton->ring, n, system->width, own->over);
+  for (int r = 0; r < n; ++r) {
+    for (int s = 0; s < n; ++s) {
+      own->by_over[r * n + s] =
+          (r == s ? 1.0 : 0.0) - shear_of(own, r, own->over + s * system->width);
+    }
+  }
+  invert(n, own->by_over);
+}
+
+/* Solutions of the ring alone, with the shears that follow. */
+static void add_shears(const bd_newton_system *system, double *x) {
+  const struct bd_ale_system *own = system->ale;
+  const int n = own->shears;
+  double *const shears = own->factors, *const factors = own->factors + n;
+  for (int s = 0; s < n; ++s) {
+    shears[s] = shear_of(own, s, x);
+  }
+  for (int r = 0; r < n; ++r) {
+    factors[r] = 0.0;
+    for (int s = 0; s < n; ++s) {
+      factors[r] -= own->by_over[r * n + s] * shears[s];
+    }
+  }
+  own->kernels->deduct(own->newton.ring.unknowns, n, system->width, own->over, factors, x);
 }
 
 static void solve(const bd_newton_system *system, const bd_layout *lay, int n, double *v) {
@@ -143,6 +221,9 @@ static void solve(const bd_newton_system *system, const bd_layout *lay, int n, d
     kernels->solve(&system->ale->newton.ring, v);
   } else {
     kernels->solve_all(&system->ale->newton.ring, n, system->width, v);
+  }
+  for (int k = 0; k < n && system->ale->shears > 0; ++k) {
+    add_shears(system, v + k * system->width);
   }
 }
 
@@ -296,6 +377,31 @@ static void put_column(const void *reading, int state) {
   put_forces(r, state);
 }
 
+/* Of what follows the shears of span i an unknown's rate by another of the span. */
+static double by_shears(const struct bd_ale_system *own, int i, int u, int c) {
+  const bd_ale_newton *newton = &own->newton;
+  double sum = 0.0;
+  for (int s = 2 * i; s < 2 * i + 2 && own->shears > 0; ++s) {
+    sum += newton->shear_column[s * newton->ring.unknowns + u] * newton->shear_row[s][c];
+  }
+  return sum;
+}
+
+/* Those that are no neighbours of the span's block; each entry is put once. */
+static void put_shears(const bd_reading *r, int i) {
+  const struct bd_ale_system *own = r->system->ale;
+  const bd_ale_ring *ring = &own->newton.ring;
+  const int block = own->span_block[i];
+  for (int b = 0; b < ring->n; ++b) {
+    const int away = (b - block + ring->n) % ring->n;
+    for (int k = 0; k < ring->blocks[b].n * BD_ALE_OF_SPAN && away > 1 && away < ring->n - 1; ++k) {
+      const int u = ring->blocks[b].at + k / BD_ALE_OF_SPAN, c = k % BD_ALE_OF_SPAN;
+      bd_newton_put(r->to, own->entry[u], own->entry[ring->blocks[block].at + c],
+                    by_shears(own, i, u, c));
+    }
+  }
+}
+
 static void put_blocks(const bd_reading *r) {
   const struct bd_ale_system *own = r->system->ale;
   const bd_ale_ring *ring = &own->newton.ring;
@@ -303,12 +409,17 @@ static void put_blocks(const bd_reading *r) {
     const bd_ale_block *block = &ring->blocks[b];
     const bd_ale_block *beside[3] = {&ring->blocks[(b + ring->n - 1) % ring->n], block,
                                      &ring->blocks[(b + 1) % ring->n]};
+    const int near[3] = {(b + ring->n - 1) % ring->n, b, (b + 1) % ring->n};
     const double *const parts[3] = {block->back, block->own, block->ahead};
     for (int p = 0; p < 3; ++p) {
+      int span = r->plan->model->lay.np;
+      while (--span >= 0 && own->span_block[span] != near[p]) {
+      }
       for (int k = 0; k < block->n * beside[p]->n; ++k) {
         const int at = k % block->n, column = k / block->n;
         bd_newton_put(r->to, own->entry[block->at + at], own->entry[beside[p]->at + column],
-                      parts[p][column * block->lead + at]);
+                      parts[p][column * block->lead + at] +
+                          (span < 0 ? 0.0 : by_shears(own, span, block->at + at, column)));
       }
     }
   }
@@ -322,6 +433,9 @@ static void entries(bd_newton_system *system, bd_plan *plan, double *y, double *
   const int unknowns = own->newton.ring.unknowns, bodies = bd_count_bodies(lay);
   fill(system, plan, y, SHORT, 0.0, NULL, 0.0);
   put_blocks(&r);
+  for (int i = 0; i < lay->np; ++i) {
+    put_shears(&r, i);
+  }
   for (int j = 0; j < lay->np; ++j) {
     bd_newton_put(to, lay->theta + j, lay->omega + j, 1.0);
   }
