@@ -419,8 +419,7 @@ class Params:
         """Quantities of mounts and couplings that were left open, as they act, by name."""
         of_mounts = zip(repeat("mount"), self.mounted, self._model.mounts)
         of_couplings = zip(repeat("coupling"), self.coupled, self._model.couplings)
-        unused = ("damping", "hunt_crossley") if self._belt_facts["flows"] else ()
-        found = {f"contact.{name}": "none, as no links land" for name in unused}
+        found = {}
         for name, k, acting in chain(of_mounts, of_couplings):
             part = getattr(self.pulleys[k], name)
             for field in attrs.fields(type(part)):

@@ -38,6 +38,7 @@ class Axial:
     cuts: Array  # where these ends are, as fractions of the cell; twice 0 where nothing lies
     normal: Array  # N of both ends
     apart: Array  # w of a cell's last node less that of its first, in spans of v
+    drawn: Array  # the same with what a span's waves draw out
     static: Array  # A_n(H) of the spans (..., n_p, K)
     path: Array  # X + E of the spans
 
@@ -148,7 +149,12 @@ class Ale(Mesh):
         at_node = 0.5 * (stretch + stretch[..., self.before])
         rate = slid[..., nxt] - slid
         rate[..., spans] = v[..., self.ends] - v[..., spans]
-        tension = elastic + self.axial_damping * rate / m
+        drawn, dampers = rate.copy(), np.empty(self.n)
+        waves = self.modes * math.pi / geo.span[..., None]
+        ab, da = a + self.offset(geo.span), self.swings(y, geo)
+        drawn[..., spans] += (0.5 * geo.span[..., None] * waves**2 * ab * da).sum(axis=-1)
+        dampers[arcs], dampers[spans] = self.arc_dampers[1][of], self.span_dampers[1]
+        tension = elastic + dampers * drawn / m
         pressing = np.empty_like(m)
         pressing[..., spans] = pressing_span
         centrifugal = self.linear_density * mean**2 / stretch[..., arcs]
@@ -160,8 +166,7 @@ class Ale(Mesh):
         part = np.diff(cuts, axis=-2)
         lies = part > 0.0
         share = np.where(lies, np.maximum(part + end, 0.0), 0.0)
-        waves = self.modes * math.pi / geo.span[..., None]
-        slope = waves * (a + self.offset(geo.span) - static)  # of what waves add to rest
+        slope = waves * (ab - static)  # of what waves add to rest
         lifted = (slope.sum(axis=-1), (-((-1.0) ** self.modes) * slope).sum(axis=-1))
         first = 2.0 * self.fraction[arcs] < 1.0
         force = np.maximum(pressing_span, SLOPES[0] * self.h_0)
@@ -173,7 +178,8 @@ class Ale(Mesh):
         return Axial(
             length=length, stretch=stretch, at_node=at_node, elastic=elastic, tension=tension,
             flow=past / at_node, past=past, sink=sink, slid=slid, pressing=pressing,
-            share=share, held=held, cuts=cuts, normal=normal, apart=rate, static=static, path=path,
+            share=share, held=held, cuts=cuts, normal=normal, apart=rate, drawn=drawn,
+            static=static, path=path,
         )  # fmt: skip
 
     def boundary(self, pressing: Array, wrap: Array) -> Array:
@@ -304,7 +310,7 @@ class Ale(Mesh):
         y = np.array(y, dtype=float)
         for j, motion in self.motion.items():
             y[..., self.layout["omega"][0]][..., j] = motion(t)[0]
-        m, v, a, p = (self.get(y, name) for name in "mvap")
+        m, v, a = (self.get(y, name) for name in "mva")
         omega, theta = self.get(y, "omega"), self.get(y, "theta")
         nxt, prv, spans, ends, arcs = self.next, self.before, self.spans, self.ends, self.arcs
         rho, geo = self.linear_density, self.geometry(t, y)
@@ -315,13 +321,9 @@ class Ale(Mesh):
         # [6] modes without the terms of c'
         c = 0.5 * (ax.past[..., spans] + ax.past[..., ends])
         span, waves = geo.span, self.modes * math.pi / geo.span[..., None]
-        m_s, t_s = m[..., spans], ax.elastic[..., spans]
+        m_s, t_s = m[..., spans], ax.tension[..., spans]
         density = rho / ax.stretch[..., spans]  # mp
-        of_ends = np.stack(
-            (dot(geo.axis, geo.n), dot(np.roll(geo.axis, -1, axis=-2), geo.n)), axis=-1
-        )
-        moved = of_ends @ self.parts
-        da = p - moved  # a'
+        da = self.swings(y, geo)
         gyro = self.gyro / span[..., None, None]
         ga = (gyro @ a[..., None])[..., 0]
         gda = (gyro @ da[..., None])[..., 0]
@@ -336,6 +338,10 @@ class Ale(Mesh):
             + 2.0 * self.end_moment(span) / (span[..., None] * mp)
             + self.odd * (4.0 * gravity + 8.0 * self.sense * geo.turning * c)[..., None]
         )  # fmt: skip
+        speeds = self.end_speeds(geo, ax, da)
+        losing = self.per_losing(geo, ax).sum(axis=0) * speeds
+        resists = (losing[..., None] * self.rolls(geo)).sum(axis=-3)
+        dp = dp - 2.0 * resists / (span[..., None] * mp)
         if self.reaction:
             dp = dp - (dm[..., spans] / m_s)[..., None] * (da + cc * ga)
 
@@ -351,7 +357,6 @@ class Ale(Mesh):
         rubs = self.on_ends(ax, force)
         np.add.at(on_nodes, (..., arcs), -rubs[..., 0, :])
         np.add.at(on_nodes, (..., nxt[arcs]), -rubs[..., 1, :])
-        losing = self.losing(geo, ax)
         np.add.at(on_nodes, (..., np.stack((spans, ends))), -losing)
         total = stiff + on_nodes - convected
         total = total + density_at * (dot(self.g, geo.t) - self.sense * geo.node_turning * u_n)
@@ -404,29 +409,54 @@ class Ale(Mesh):
             y, geo, ax, rubs, density_at, convected_n, dp, da, resists, losing
         )
         works[..., 0] = (torque * omega).sum(axis=-1)
-        works[..., 1] = ((ax.tension - ax.elastic) ** 2 * m).sum(axis=-1) / (
-            self.axial_damping or 1.0
-        )
+        own, all_of = np.empty((2, self.n))
+        for found, on_arcs, on_spans in zip(
+            (own, all_of), self.arc_dampers, self.span_dampers, strict=True
+        ):
+            found[arcs], found[spans] = on_arcs[self.arc_pulley], on_spans
+        works[..., 1] = (own * ax.drawn**2 / m).sum(axis=-1)
+        works[..., 7] = ((all_of - own) * ax.drawn**2 / m).sum(axis=-1)
         works[..., 2] = self.bending_damping * (0.5 * span[..., None] * waves**4 * da**2).sum(
             axis=(-1, -2)
         )
-        works[..., 2] += (losing * ax.past[..., np.stack((spans, ends))]).sum(axis=(-1, -2))
+        lost = (self.per_losing(geo, ax) * speeds**2).sum(axis=(-1, -2))
+        works[..., 2] += lost[0]
+        works[..., 7] += lost[1]
         works[..., 3] = (force * slip).sum(axis=(-1, -2))
         works[..., 4] = (resists * (omega - carrier)).sum(axis=-1)
         parts = dm, dv, z_rate, da, dp, omega, domega, dq, ddq, share_rate, works
         return np.concatenate([one.reshape(*y.shape[:-1], -1) for one in parts], axis=-1)
 
-    def losing(self, geo: Geometry, ax: Axial) -> Array:
-        """What damping of bending takes where the belt runs off (0) and on (1), (..., 2, n_p): the
-        curvature rises to 1/R as e^{x/l}, and eta_I times the square of its rate is lost.
+    def swings(self, y: Array, geo: Geometry) -> Array:
+        """a' of the modes (..., n_p, K). [6]"""
+        of_ends = (dot(geo.axis, geo.n), dot(np.roll(geo.axis, -1, axis=-2), geo.n))
+        return self.get(y, "p") - np.stack(of_ends, axis=-1) @ self.parts
+
+    def rolls(self, geo: Geometry) -> Array:
+        """By which the speed at a span's ends goes with a' (..., 2, n_p, K): an end rolls on by R
+        times the angle of its waves. [5]
         """
-        if self.bending_damping == 0.0 or self.bending_stiffness == 0.0:
-            return np.zeros((*geo.span.shape[:-1], 2, self.n_p))
-        h = np.maximum(ax.pressing[..., self.spans], SLOPES[0] * self.h_0)
-        reach = np.sqrt(self.bending_stiffness / h)[..., None, :]
-        radii = np.stack((self.radii, np.roll(self.radii, -1)))
+        waves = self.modes * math.pi / geo.span[..., None]
+        on = (self.s * self.radii)[:, None]
+        return np.stack((on * waves, np.roll(on, -1, axis=0) * (-1.0) ** self.modes * waves), -3)
+
+    def end_speeds(self, geo: Geometry, ax: Axial, da: Array) -> Array:
+        """At which belt runs off the pulley before a span, and on the next (..., 2, n_p)."""
         past = ax.past[..., np.stack((self.spans, self.ends))]
-        return 0.5 * self.bending_damping * past / (radii**2 * reach)
+        return past + (self.rolls(geo) * da[..., None, :, :]).sum(axis=-1)
+
+    def per_losing(self, geo: Geometry, ax: Axial) -> Array:
+        """What dampers take there over that speed, of bending and of contact (2, ..., 2, n_p): the
+        curvature rises to 1/R as e^{x/l}, and eta_I times the square of its rate is lost. [5]
+        """
+        found = np.zeros((2, *geo.span.shape[:-1], 2, self.n_p))
+        found[1] = self.sinks
+        if self.bending_damping > 0.0 and self.bending_stiffness > 0.0:
+            h = np.maximum(ax.pressing[..., self.spans], SLOPES[0] * self.h_0)
+            reach = np.sqrt(self.bending_stiffness / h)[..., None, :]
+            radii = np.stack((self.radii, np.roll(self.radii, -1)))
+            found[0] = 0.5 * self.bending_damping / (radii**2 * reach)
+        return found
 
     def convected(
         self, geo: Geometry, ax: Axial, u_n: Array, through: Array

@@ -15,12 +15,16 @@ import numpy as np
 from reference_friction import Array, Law
 from reference_line import belt_line, depth, spans_away, tension_at_rest
 from reference_mounts import Arm, Mount, Path, Sprung, rest_of
+from scipy.integrate import simpson
 from scipy.interpolate import CubicSpline
 
 Torque = Callable[[Any, Array, Array], Any]
 Motion = Callable[[float], tuple[float, float]]  # of t: speed Omega [rad/s], its rate [rad/s^2]
 
-LEDGER = ("drive", "joint_damping", "bending_damping", "friction", "drag", "mount", "path")
+LEDGER = (
+    "drive", "joint_damping", "bending_damping", "friction", "drag", "mount", "path",
+    "contact_damping",
+)  # fmt: skip
 """The quadratures at the end of the state: work put in, then what goes out (section 7)."""
 
 SLOPES = (0.02, 30.0)
@@ -76,6 +80,7 @@ class Mesh:
     contact: tuple[float, float]  # c1' [N/m^3], c2' [N/m^2]
     friction: tuple[Law | None, ...]
     bending_damping: float = 0.0
+    contact_damping: tuple[float, float] = (0.0, 0.0)  # b' [N s/m^2], d of Hunt and Crossley [s/m]
     sides: tuple[int, ...] | None = None
     compensate: bool = False
     gravity: tuple[float, float] = (0.0, 0.0)
@@ -134,6 +139,7 @@ class Mesh:
             put("raised", self.bending_stiffness / (2.0 * radii * self.h_0))
         self._mesh(places, put)
         self._run_offs(put)
+        self._dampers(put)
         if self.drag is not None:
             wave = math.sqrt(self.axial_stiffness / self.linear_density)
             put("omega_0", 1e-3 * strain * wave / 60.0 / radii)
@@ -246,6 +252,57 @@ class Mesh:
             put("driven", works * (1.0 + self.stiff * straight**2 / self.h_0) / np.sqrt(mass))
         k = self.s / self.radii
         put("tilt", 0.5 * self.bending_stiffness * (k - np.roll(k, -1)))  # o H
+
+    def _lying(self, r: float, force: float) -> tuple[float, Callable[[Array], Array]]:
+        """Where belt touches a pulley under a force, and its depth from there on. [3]"""
+        d, ei = depth(force / r, self.contact), self.bending_stiffness
+        square = 0.5 * math.sqrt(force / (r * d) / ei)
+        p = math.sqrt(square + 0.25 * force / ei)
+        q = math.sqrt(max(square - 0.25 * force / ei, 1e-6 * square))
+        e = math.sqrt(ei / force) - p / square
+        over = p * (1.0 + p * e) / q + q * e
+        return e, lambda x: d - d * np.exp(-p * x) * (np.cos(q * x) - over * np.sin(q * x))
+
+    def _sinking(self, r: float) -> tuple[float, float]:
+        """By the speed squared at which belt runs on a pulley, the integral of d'^2; by the rate of
+        H squared that of (dd/dH)^2, less what the cells of the arc have of it. [5]
+        """
+        h = self.h_0
+        deep = depth(h / r, self.contact)
+        if self.bending_stiffness == 0.0:
+            return (2.0 * deep * r) ** 1.5 / (3.0 * r**2), 0.0
+        small, far = 1e-5 * h, 60.0 * (self.bending_stiffness * deep * r / h) ** 0.25
+        (e, here), (e_more, more), (e_less, less) = (
+            self._lying(r, h + one) for one in (0.0, small, -small)
+        )
+        x = np.linspace(0.0, far, 20001)
+        slope = CubicSpline(x, here(x))(x, 1)
+        rate = (more(x) - less(x) - slope * (e_more - e_less)) / (2.0 * small)
+        cells = depth((h + small) / r, self.contact) - depth((h - small) / r, self.contact)
+        cells = (cells / (2.0 * small)) ** 2
+        return simpson(slope**2, x=x), simpson(rate**2 - cells, x=x) - e * cells
+
+    def _dampers(self, put: Callable[[str, Any], None]) -> None:
+        """Of arcs and of spans, the belt's own part and all of it; of the ends of wraps. [5]"""
+        h, r, ea = self.h_0, self.radii, self.axial_stiffness
+        c1, c2 = self.contact
+        contact = self.contact_damping[0] + self.contact_damping[1] * h / r
+        deep = np.array([depth(h / one, self.contact) for one in r])
+        k = ea / ((c2 + 2.0 * c1 * deep) * r**2)
+        own = self.axial_damping / (1.0 + k) ** 2
+        put("arc_dampers", (own, own + contact * (k * r / (1.0 + k)) ** 2))
+        runs, pressed = contact * np.transpose([self._sinking(one) for one in r])
+        put("sinks", np.stack((runs, np.roll(runs, -1))))
+        # a span at rest
+        forces, span = np.full(self.n_p, h), self.geometry(0.0, self.pack(q=self.q_0)).span
+        x, slope = self.run_off(forces, span)
+        waves = self.modes * math.pi / span[:, None]
+        stands, stiff = self.rest_modes(forces, span), h * waves**2 + self.stiff * waves**4
+        slope = slope + 0.5 * span * (waves**4 * stands**2 / stiff).sum(axis=-1)
+        m = (span + x) / (1.0 + h / ea)
+        share = m / ea / np.maximum(m / ea - slope, 0.1 * m / ea)
+        own = self.axial_damping * share**2
+        put("span_dampers", (own, own + (pressed + np.roll(pressed, -1)) * (ea * share) ** 2 / m))
 
     def _end(self, pull: float, r: float, compensated: float) -> float:
         """Delta of one end of a wrap, MODEL section 6, and what the arc's B does not reach."""

@@ -122,6 +122,7 @@ def ale_oracle_of(params: bd.Params, **changes: Any) -> ale_reference.Ale:
         "radii": np.array([p.radius for p in params.pulleys]),
         "inertias": np.array([p.inertia for p in params.pulleys]),
         "contact": (contact.quadratic, contact.linear),
+        "contact_damping": (contact.damping, contact.hunt_crossley),
         "friction": tuple(oracle_law(params.friction_on(k)) for k in range(len(params.pulleys))),
         "sides": sides_of(params),
         "compensate": contact.compensate,

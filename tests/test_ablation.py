@@ -66,7 +66,6 @@ def test_each_removal_takes_away_its_own_effect_alone() -> None:
         gone = {
             "motion of mounts": {name, "mount.mass", "mount.damping", "mount.friction"},
             "finer friction law": {name, "friction.viscous"},
-            "landing links": {name, "contact.damping"},
         }
         assert EVERYTHING - {one.name for one in removals_of(left)} == gone.get(name, {name})
         left.check()

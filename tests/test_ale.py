@@ -95,7 +95,9 @@ def test_its_jacobian_is_that_of_the_oracle_by_differences(name: str) -> None:
         out.append(every["z"])
     keep = np.setdiff1d(np.arange(model.size), np.concatenate(out))
     scale = runs.scales(model)[keep]
-    by_differences = runs.jacobian(model, state["t"], y, central=True)[np.ix_(keep, keep)]
+    # a place of a run with an arm ends 1e-6 m/s off the change of its sense of slip
+    by_differences = runs.jacobian(model, state["t"], y, central=True, eps=1e-7)
+    by_differences = by_differences[np.ix_(keep, keep)]
     apart = np.abs(by_differences - j[np.ix_(entry[keep], entry[keep])]) * scale / scale[:, None]
     rows = np.abs(by_differences * scale / scale[:, None]).max(axis=1, keepdims=True)
     apart /= rows + 1e-6 * rows.max()
@@ -216,6 +218,35 @@ def test_its_energy_balance_closes(friction: bool, rigid: bool, bound: float) ->
     assert found.energy is not None
     assert np.ptp(found.energy.axial) > 1e-3 * found.energy.axial[0]
     assert np.abs(found.energy.residual).max() < bound * found.energy.axial[0]
+
+
+def test_its_vibrations_decay_as_those_of_links() -> None:
+    """U, whose belt is stiff: torsion by the damping of the belt within 2 %, a matter of how far it
+    is stretched, not of its ends. What contact takes as ends of wraps roll and are pressed is taken
+    apart and without what both make together, a fifth of all damping (seen): within a quarter. A
+    steady belt loses in the contact what its depth at the ends costs, to a tenth at 3 m/s.
+    """
+    plain = drives.scene_u().params
+    undamped = attrs.evolve(plain, contact=attrs.evolve(plain.contact, damping=0.0))
+    found = []
+    for params in (undamped, plain):
+        both = ale(params, 50), drives.with_belt(params, mesh="joint", n_bodies=240)
+        rests = [bd.settle(one, friction=False, pulleys="held") for one in both]
+        found.append([bd.modes(*one, n=7).damping for one in zip(both, rests, strict=True)])
+    (bare, bare_links), (whole, links) = found
+    assert bare[0] == pytest.approx(bare_links[0], rel=0.02)
+    np.testing.assert_allclose(whole, links, rtol=0.25)
+    lost = []
+    for params in both:
+        start = bd.settle(params, speed={0: -63.0}, friction=False, pulleys="held")
+        still, turns = (
+            bd.PiecewiseLinear([0.0], [0.0], pulley=1),
+            {0: bd.PiecewiseLinear([0.0], [-63.0])},
+        )
+        run = bd.simulate(params, still, 0.03, turns, initial=start, t_eval=[0.01, 0.03])
+        assert run.energy is not None
+        lost.append(np.diff(run.energy.contact_loss)[0])
+    assert lost[0] == pytest.approx(lost[1], rel=0.1)
 
 
 def test_it_ends_where_its_equations_do() -> None:

@@ -36,8 +36,6 @@ _HOLDS = {
 }
 #: Numbers that may be 0 although something is chosen by default.
 _CHOSEN = {("contact", "damping")}
-#: Of links that land on pulleys; an ALE belt has none.
-_DAMPERS = {("contact", "damping"), ("contact", "hunt_crossley")}
 #: A Stribeck curve's numbers, the first of them the static coefficient; names of the kinetic one.
 _STRIBECK, _KINETIC = ("mu_s", "v_stribeck"), ("mu_k", "mu")
 
@@ -59,11 +57,8 @@ class Removal(NamedTuple):
 def removals_of(scene: Scene) -> tuple[Removal, ...]:
     """Give what can be left out of a scene."""
     found: dict[tuple[str, str], list[str]] = {}
-    nothing = _DAMPERS if scene.params._belt_facts["flows"] else set()
     for part in parts_of(scene.params):
         for name in _optional(part):
-            if (part.path, name) in nothing:
-                continue
             where = "" if part.pulley is None else scene.params.label(part.pulley)
             found.setdefault((part.path, name), []).append(where)
     numbers = [_number(path, name, where) for (path, name), where in found.items()]

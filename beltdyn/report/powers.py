@@ -80,9 +80,8 @@ def power_rows(
     if path != 0.0:
         rows.append((PATHS, "in" if path < 0.0 else "out", abs(path)))
     lost, held = 0.0, rate(bristles)
-    flows = window.params._belt_facts["flows"]  # whose contact has no damper
     for term, text in _LOSSES.items():
-        if getattr(energy, term, None) is None or (term == "contact_loss" and flows):
+        if getattr(energy, term, None) is None:
             continue
         power = rate(getattr(energy, term)) - (held if term == "mount_loss" else 0.0)
         lost += power

@@ -161,6 +161,70 @@ static void stiffen_modes(const bd_ale *ale, bd_ale_span *span, double length) {
   }
 }
 
+/* Of a cell that is stretched belt sinks in by k R / (1 + k) of what it is drawn out by, k by their
+ * stiffness; the rest is its own. */
+static void damp_arc(const bd_ale *ale, bd_ale_arc *arc, double damping) {
+  const double R = arc->radius,
+               depth = bd_contact_depth(ale->quadratic, ale->linear, ale->rest / R);
+  const double k = ale->axial / ((ale->linear + 2.0 * ale->quadratic * depth) * R * R);
+  const double own = 1.0 / (1.0 + k), sinks = k * R * own;
+  arc->axial_part = ale->axial_damping * own * own;
+  arc->damping = arc->axial_part + damping * sinks * sinks;
+}
+
+/* The end of a wrap on a pulley under a force: depth is 0 up to `touch`, then that far from there
+ * times 1 - exp(-p x) (cos q x - over sin q x) (MODEL section 11.3). */
+typedef struct lying_end {
+  double depth, touch, p, q, over;
+} lying_end;
+
+static lying_end lying_under(const bd_ale *ale, double radius, double H) {
+  const double EI = ale->bending, depth = bd_contact_depth(ale->quadratic, ale->linear, H / radius);
+  const double beta2 = 0.5 * sqrt(H / (radius * depth * EI)), along = 0.25 * H / EI;
+  const double p = sqrt(beta2 + along), q = sqrt(fmax(beta2 - along, 1e-6 * beta2));
+  const double touch = sqrt(EI / H) - p / beta2;
+  return (lying_end){depth, touch, p, q, p * (1.0 + p * touch) / q + q * touch};
+}
+
+/* So far in from there, and its slope. */
+static double depth_at(const lying_end *end, double in, double *slope) {
+  const double p = end->p, q = end->q, over = end->over;
+  const double fades = end->depth * exp(-p * in), co = fades * cos(q * in),
+               si = fades * sin(q * in);
+  *slope = (p + q * over) * co + (q - p * over) * si;
+  return end->depth - co + over * si;
+}
+
+/* What contact dampers of one take at the end of a wrap, by Simpson's rule: of belt that runs on or
+ * off there, over the speed squared, the integral of d'^2 (without bending it goes straight until
+ * it is as deep); as the force rises that of its rate squared, less what the arc's cells take. */
+static void sinks_at(const bd_ale *ale, double R, double *running, double *pressed) {
+  enum { STEPS = 1000 };
+  const double SMALL = 1e-5, FAR = 16.0, H = ale->rest, per = 0.5 / (SMALL * H);
+  const double deep = bd_contact_depth(ale->quadratic, ale->linear, H / R);
+  *running = pow(2.0 * deep * R, 1.5) / (3.0 * R * R);
+  *pressed = 0.0;
+  if (!(ale->bending > 0.0)) {
+    return;
+  }
+  const lying_end end = lying_under(ale, R, H), more = lying_under(ale, R, H * (1.0 + SMALL)),
+                  less = lying_under(ale, R, H * (1.0 - SMALL));
+  const double step = FAR / (end.p * STEPS), rolls = (more.touch - less.touch) * per;
+  const double everywhere = (more.depth - less.depth) * per;
+  *running = 0.0;
+  *pressed = -end.touch * everywhere * everywhere;
+  for (int k = 0; k <= STEPS; ++k) {
+    const double part = step / 3.0 * (k == 0 || k == STEPS ? 1.0 : k % 2 == 1 ? 4.0 : 2.0);
+    double slope, unused;
+    depth_at(&end, k * step, &slope);
+    const double rises =
+        (depth_at(&more, k * step, &unused) - depth_at(&less, k * step, &unused)) * per -
+        slope * rolls;
+    *running += part * slope * slope;
+    *pressed += part * (rises * rises - everywhere * everywhere);
+  }
+}
+
 static void make_arc(bd_ale *ale, const bd_ale_drive *drive, int j, int begin) {
   bd_ale_arc *arc = &ale->arcs[j];
   const bd_ale_pulley *pulley = &drive->pulleys[j];
@@ -184,6 +248,7 @@ static void make_arc(bd_ale *ale, const bd_ale_drive *drive, int j, int begin) {
     arc->states = bd_friction_states(pulley->friction);
     arc->held = law != BD_LAW_NONE && isfinite(bd_kernels_baseline->bound[law](pulley->friction));
   }
+  damp_arc(ale, arc, pulley->damping);
   for (int k = 0; k < arc->slots; ++k) {
     ale->fraction[begin + k] = (double)k / arc->n;
     ale->is_cell[begin + k] = k < arc->n ? 1.0 : 0.0;
@@ -220,7 +285,31 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
     const double rises = from->side * from->line_radius - to->side * to->line_radius;
     const double apart = hypot(b[0] - a[0], b[1] - a[1]);
     stiffen_modes(ale, span, sqrt(apart * apart - rises * rises));
+    for (int end = 0; end < 2; ++end) {
+      const bd_ale_pulley *on = &drive->pulleys[end == 0 ? i : from->next];
+      double pressed;
+      sinks_at(ale, on->radius, &span->sinks[end], &pressed);
+      span->sinks[end] *= on->damping;
+      span->pressed += on->damping * pressed;
+    }
+    span->rolls[0] = from->side * from->radius;
+    span->rolls[1] = -to->side * to->radius;
     lay_table(ale, i, (bd_ale_table *)span->table);
+  }
+}
+
+/* A span's path grows shorter as its tension rises, so that its ends move further apart than it is
+ * stretched: at rest by 1 / share, and the damper feels the square of that. */
+void bd_ale_damp_spans(bd_ale *ale) {
+  for (int i = 0; i < ale->np; ++i) {
+    bd_ale_span *span = &ale->spans[i];
+    double slope, stands, falls;
+    const double x = bd_ale_run_off(ale, span, ale->rest, &slope, &stands, &falls);
+    const double stretches = (span->length + x) / (ale->axial + ale->rest);
+    const double share = stretches / fmax(stretches - slope - falls, 0.1 * stretches);
+    const double pressed = span->pressed * ale->axial / stretches; /* as H rises */
+    span->axial_part = ale->axial_damping * share * share;
+    span->damping = span->axial_part + pressed * share * share;
   }
 }
 
@@ -294,23 +383,50 @@ bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y) {
   return sum;
 }
 
+/* What a damper of one along the cells of an arc takes. */
+static double drawn_on(const bd_ale *ale, const bd_ale_state *y, int j) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  double sum = 0.0;
+  for (int k = arc->begin; k < arc->begin + arc->n; ++k) {
+    const double apart = ale->slid[k + 1] - ale->slid[k];
+    sum += apart * apart / y->m[k];
+  }
+  return sum;
+}
+
+/* At which belt runs off (end 0), or on. */
+static double end_speed(const bd_ale_span *span, int end) {
+  return span->per_losing[end] > 0.0 ? span->losing[end] / span->per_losing[end] : 0.0;
+}
+
+void bd_ale_lose_in_contact(bd_ale *ale, const bd_ale_state *y) {
+  for (int j = 0; j < ale->np; ++j) {
+    bd_ale_arc *arc = &ale->arcs[j];
+    const bd_ale_span *in = &ale->spans[arc->before], *out = &ale->spans[j];
+    const double on = end_speed(in, 1), off = end_speed(out, 0);
+    arc->contact_loss = drawn_on(ale, y, j) * (arc->damping - arc->axial_part) +
+                        in->sinks[1] * on * on + out->sinks[0] * off * off;
+  }
+}
+
 /* Damping along the belt and of its spans, and friction. */
 bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y) {
   bd_ale_losses lost = {.axial = 0.0};
   for (int j = 0; j < ale->np; ++j) {
     const bd_ale_arc *arc = &ale->arcs[j];
     const bd_ale_span *span = &ale->spans[j];
-    for (int k = arc->begin; ale->axial_damping > 0.0 && k <= arc->begin + arc->n; ++k) {
-      const double damped = ale->tension[k] - ale->elastic[k];
-      lost.axial += damped * damped * y->m[k] / ale->axial_damping;
-    }
+    const double m = y->m[arc->begin + arc->n];
+    lost.axial +=
+        span->drawn * span->drawn / m * span->axial_part + drawn_on(ale, y, j) * arc->axial_part;
     for (int n = 0; n < BD_ALE_MODES; ++n) {
       const double k2 = span->wave[n] * span->wave[n];
       lost.bending +=
           0.5 * ale->bending_damping * span->length * k2 * k2 * span->da[n] * span->da[n];
     }
-    lost.bending += span->losing[0] * ale->past[arc->begin + arc->n] +
-                    span->losing[1] * ale->past[ale->arcs[arc->next].begin];
+    for (int end = 0; end < 2; ++end) {
+      const double speed = end_speed(span, end);
+      lost.bending += span->per_bending[end] * speed * speed;
+    }
     lost.friction += arc->slip_loss;
   }
   return lost;

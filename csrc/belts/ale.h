@@ -10,6 +10,7 @@
 /* Of an arc, or its pulley. */
 typedef struct bd_ale_pulley {
   double center[2], radius, raised; /* p0 of a compensated contact */
+  double damping;                   /* b' */
   int side, cells;
   const bd_friction *friction; /* NULL: none */
 } bd_ale_pulley;
@@ -29,8 +30,9 @@ int bd_ale_cells(double arc, double longest);
 /* Where the slab of arc j begins; of the number of arcs, how many slots there are. */
 int bd_ale_first_slot(const bd_ale_drive *drive, int j);
 void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive);
-/* Fills what has been carved. */
+/* Fills what has been carved; dampers of spans, once axes are placed. */
 void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive);
+void bd_ale_damp_spans(bd_ale *ale);
 /* Arrays of a state, or of its rates, after one another: of so many numbers. */
 size_t bd_ale_state_size(const bd_ale_drive *drive, int states);
 bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block);
@@ -155,5 +157,7 @@ int bd_ale_rest(const bd_plan *plan, double speed, double *y, bd_error *err);
 
 bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y);
 bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y);
+/* Powers that the contact of arcs takes. */
+void bd_ale_lose_in_contact(bd_ale *ale, const bd_ale_state *y);
 
 #endif

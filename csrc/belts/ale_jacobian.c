@@ -200,7 +200,7 @@ static void fill_torque(const filling *f, int j) {
 
 /* More of all that a span's rates depend on. */
 typedef struct span_move {
-  double m, past, elastic, stretch, fills, total[2], a[BD_ALE_MODES], p[BD_ALE_MODES];
+  double m, past, pull, stretch, fills, total[2], losing[2], a[BD_ALE_MODES], p[BD_ALE_MODES];
 } span_move;
 
 static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
@@ -211,6 +211,7 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
   const double m = f->y->m[slot], per_S = 1.0 / span->length, c = span->past;
   const double density = ale->density, per_mp = span->stretch / density,
                per_mp_by = by->stretch / density;
+  const double pull = span->elastic + span->damped;
   const double fills = f->dy->m[slot] / m, fills_by = (by->fills - fills * by->m) / m;
   const double v[2] = {f->dy->v[slot], f->dy->v[after]};
   double dp[BD_ALE_MODES], first = 0.0, added = 0.0, lateral = 0.0;
@@ -227,11 +228,15 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
     const double own = span->dp[n] + span->quickens * ga; /* without c' */
     const double bends = span->stiff[n] * ab + ale->bending_damping * da;
     const double bends_by = span->stiff[n] * by->a[n] + ale->bending_damping * by->p[n];
+    double resists = 0.0, resists_by = 0.0;
+    for (int end = 0; end < 2; ++end) {
+      resists += span->losing[end] * bd_ale_rolls(span, end, n);
+      resists_by += by->losing[end] * bd_ale_rolls(span, end, n);
+    }
     dp[n] = -2.0 * (by->past * span->gda[n] + c * gda_by) -
-            (by->elastic * per_mp + span->elastic * per_mp_by - 2.0 * c * by->past) * kappa -
-            (span->elastic * per_mp - c * c) * kappa_by -
-            k4 * (per_mp_by * bends + per_mp * bends_by) +
-            2.0 * span->moment[n] * per_mp_by * per_S +
+            (by->pull * per_mp + pull * per_mp_by - 2.0 * c * by->past) * kappa -
+            (pull * per_mp - c * c) * kappa_by - k4 * (per_mp_by * bends + per_mp * bends_by) +
+            2.0 * per_S * ((span->moment[n] - resists) * per_mp_by - resists_by * per_mp) +
             ale->odd[n] * 8.0 * ale->direction * span->turning * by->past -
             fills_by * (da + c * ga) - fills * (by->p[n] + by->past * ga + c * ga_by);
     first += dp[n] * ga + own * ga_by +
@@ -373,7 +378,7 @@ static void push_by_arc(const filling *f, int j) {
 
 /* Of span i the forces on both axes by a column, but for what its modes' rates add. */
 static void push_by_span(const filling *f, int i, place column, const span_move *by,
-                         double pressing, const double losing[2], const double bends[2]) {
+                         double pressing, const double bends[2]) {
   const bd_ale *ale = f->ale;
   const bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arcs[2] = {&ale->arcs[i], &ale->arcs[ale->arcs[i].next]};
@@ -381,9 +386,9 @@ static void push_by_span(const filling *f, int i, place column, const span_move 
   const double lift = pressing / ale->rest * span->tilt / span->length;
   const double per = 4.0 * ale->density / span->stretch, half = 0.5 * ale->density;
   const double across = ale->across[nodes[1]] - ale->across[nodes[0]];
-  const double sided =
-      (arcs[0]->side * arcs[0]->radius * losing[0] + arcs[1]->side * arcs[1]->radius * losing[1]) /
-      span->length;
+  const double sided = (arcs[0]->side * arcs[0]->radius * by->losing[0] +
+                        arcs[1]->side * arcs[1]->radius * by->losing[1]) /
+                       span->length;
   double rates[2], sum = 0.0, sum_by = 0.0;
   for (int end = 0; end < 2; ++end) {
     const bd_ale_axis *axis = &arcs[end]->axis;
@@ -409,7 +414,7 @@ static void push_by_span(const filling *f, int i, place column, const span_move 
     const int j = end == 0 ? i : ale->arcs[i].next;
     const double bears = half * by->m * bears_of(f, j, nodes[end], 0);
     *beside(f, f->newton->push, j, column) +=
-        along_lever(ale, j, nodes[end], losing[end] + bends[end], push + bears + carries);
+        along_lever(ale, j, nodes[end], by->losing[end] + bends[end], push + bears + carries);
   }
 }
 
@@ -499,7 +504,7 @@ static void fill_span(const filling *f, int i) {
   const bd_ale_arc *arc = &ale->arcs[i];
   const int slot = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = BD_ALE_MODES;
   const int nodes[2] = {slot, after};
-  const double EA = ale->axial, m = f->y->m[slot], damped = ale->axial_damping / m;
+  const double EA = ale->axial, m = f->y->m[slot], damped = span->damping / m;
   const double apart = f->y->v[after] - f->y->v[slot], half = 0.5 * ale->density;
   const double through = half * span->past / span->stretch;
   const int block = f->newton->cell_block[slot];
@@ -509,35 +514,42 @@ static void fill_span(const filling *f, int i) {
     const int n = c < 3 + K ? c - 3 : c - 3 - K;
     double *const to = entry(f, (place){block, 0}, (place){block, c});
     span_move by = {.m = c == 0 ? 1.0 : 0.0, .past = c == 1 || c == 2 ? 0.5 : 0.0};
-    double damping = 0.0, carries = 0.0, losing[2], bends[2];
+    double elastic = 0.0, damping = 0.0, carries = 0.0, bends[2];
     if (c == 0) {
-      by.elastic = -span->stretch * span->per_slope;
-      damping = -damped * apart / m;
+      elastic = -span->stretch * span->per_slope;
+      damping = -span->damped / m;
     } else if (c < 3) {
       damping = c == 1 ? -damped : damped;
       carries = half * 0.5 * apart / span->stretch + (c == 1 ? -through : through);
     } else if (c < 3 + K) {
       by.a[n] = 1.0;
-      by.elastic = -span->stretch * span->per_slope * stretch_by_mode(span, n);
+      elastic = -span->stretch * span->per_slope * stretch_by_mode(span, n);
+      damping = damped * 0.5 * span->length * span->wave[n] * span->wave[n] * span->da[n];
     } else {
       by.p[n] = 1.0;
       to[3 + n] = 1.0;
+      damping = damped * bd_ale_draws(span, n);
     }
-    by.stretch = by.elastic / EA;
+    by.pull = elastic + damping;
+    by.stretch = elastic / EA;
     carries -= through * apart / span->stretch * by.stretch;
     const double thrown = ale->density * span->past / span->stretch;
     const double pressing =
-        by.elastic + thrown * span->past / span->stretch * by.stretch - 2.0 * thrown * by.past;
+        elastic + thrown * span->past / span->stretch * by.stretch - 2.0 * thrown * by.past;
     const double rises = span->pressing > BD_ALE_LEAST * ale->rest ? 0.5 / span->pressing : 0.0;
     for (int end = 0; end < 2; ++end) {
       const int node = nodes[end];
       const double sign = end == 0 ? 1.0 : -1.0, per = ale->per_stretch[node];
       const double own = c == 1 + end ? 1.0 : 0.0;
       bends[end] = 0.5 * (ale->bent[node] - ale->bent[node - 1]) * per * per * by.stretch;
-      losing[end] = span->losing[end] * rises * pressing + own * span->per_losing[end];
-      by.total[end] = sign * (by.elastic + damping) - carries +
-                      (c == 0 ? half * by_mass(f, node) : 0.0) - losing[end] - bends[end] +
-                      own * of_v[end];
+      const double rolls = c < 3 + K ? own : bd_ale_rolls(span, end, n);
+      by.losing[end] = rolls * span->per_losing[end];
+      if (span->per_bending[end] > 0.0) {
+        by.losing[end] +=
+            span->losing[end] * span->per_bending[end] / span->per_losing[end] * rises * pressing;
+      }
+      by.total[end] = sign * by.pull - carries + (c == 0 ? half * by_mass(f, node) : 0.0) -
+                      by.losing[end] - bends[end] + own * of_v[end];
       f->newton->shear_row[2 * i + end][c] = shear_by(ale, i, end, &by, pressing);
       by.fills += sign * per * (own - 0.5 * ale->flow[node] * by.stretch);
     }
@@ -546,7 +558,7 @@ static void fill_span(const filling *f, int i) {
     memcpy(to + 1, out.v, sizeof out.v);
     memcpy(to + 3 + K, out.p, (size_t)K * sizeof *out.p);
     if (has_lever(ale, i) || has_lever(ale, arc->next)) {
-      push_by_span(f, i, (place){block, c}, &by, pressing, losing, bends);
+      push_by_span(f, i, (place){block, c}, &by, pressing, bends);
     }
   }
 }

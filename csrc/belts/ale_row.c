@@ -65,6 +65,8 @@ static double shape(bd_model *model) {
     pulley->center[1] = model->cy[j];
     pulley->radius = model->radius[j];
     pulley->raised = model->contact_radius[j] - model->radius[j];
+    pulley->damping = bd_contact_damping(model, model->contact.damping,
+                                         model->info.mean_tension / model->radius[j]);
     pulley->side = model->side[j];
     pulley->friction = &model->friction[j];
     pulley->cells = bd_ale_cells(laid ? counts(model, j) : 0.0, all / on_arcs);
@@ -145,6 +147,7 @@ static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   belt->kernels = model->kernels->ale;
   bd_ale_make(&belt->ale, model->drive);
   belt->kernels->place(&belt->ale);
+  bd_ale_damp_spans(&belt->ale);
   place_cells(&belt->ale, belt->slot);
   belt->y = bd_ale_state_in(&belt->ale, model->lay.states, states[0]);
   belt->dy = bd_ale_state_in(&belt->ale, model->lay.states, states[1]);
@@ -289,12 +292,16 @@ static void fall(const bd_plan *plan, double *dy) {
 
 static void contact_begin(bd_plan *plan, double *y) {
   bd_ale_evaluate(plan, y);
+  if (!plan->skip_power) {
+    bd_ale_lose_in_contact(&plan->ale->ale, &plan->ale->y);
+  }
 }
 
 static void contact(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums) {
   const bd_ale_arc *arc = &plan->ale->ale.arcs[j];
   (void)y, (void)dy;
   *sums = (bd_sums){.torque = arc->torque,
+                    .contact_loss = arc->contact_loss,
                     .friction_loss = arc->slip_loss,
                     .force = {-arc->force[0], -arc->force[1]}};
 }

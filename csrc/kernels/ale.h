@@ -45,6 +45,7 @@ typedef struct bd_ale_arc {
   bd_friction friction;
   double side, sense;                 /* s; D s: of rims along the belt */
   double radius, line_radius, raised; /* R; R_g; depth of a compensated contact */
+  double damping, axial_part; /* along its cells, with what contact dampers give; not theirs */
   bd_ale_axis axis;
   double wrap, cell_angle,
       half_turn; /* of t in a cell, as it turns from end to end; -s tan of half */
@@ -62,6 +63,10 @@ typedef struct bd_ale_span {
    * drives them more than moments at their ends would */
   double stiff[BD_ALE_MODES], driven[BD_ALE_MODES];
   const bd_ale_table *table;
+  double damping, axial_part, pressed; /* along it; of contact, over the rate of H */
+  /* of both ends: contact dampers, by the speed at which belt runs on or off; s R by which that
+   * speed goes with the angle of waves there, positive where it adds */
+  double sinks[2], rolls[2];
   /* geometry */
   double placed[2][4]; /* for centers and speeds of both axes; whether those were others before */
   int is_new;
@@ -69,13 +74,15 @@ typedef struct bd_ale_span {
   double wave[BD_ALE_MODES], moment[BD_ALE_MODES], offset[BD_ALE_MODES], moved[BD_ALE_MODES];
   double sag; /* g.n */
   /* tension: flow past the mesh, force, H, stretch, what modes have of it, X + E, and 1 / (dT of
-   * what is left over) */
-  double past, elastic, pressing, stretch, bent, path, per_slope, by_pressing;
+   * what is left over); the rate at which ends and waves draw it out, and the damper's force */
+  double past, elastic, pressing, stretch, bent, path, per_slope, by_pressing, drawn, damped;
   double rest[BD_ALE_MODES]; /* A_n */
   double lifted[2];          /* by waves, the angle at both ends */
   /* momentum: a', G a, G a', a + b, p~', and sums of theirs; c' */
   double da[BD_ALE_MODES], ga[BD_ALE_MODES], gda[BD_ALE_MODES], ab[BD_ALE_MODES], dp[BD_ALE_MODES];
-  double losing[2], per_losing[2]; /* damped bending at both ends; over c of the node there */
+  /* What dampers of bending and contact take at both ends; over the speed, of both and of bending
+   */
+  double losing[2], per_losing[2], per_bending[2];
   double lateral, first, added, quickens, matrix[3];
   double coupling; /* inertia by which mounts at both ends feel each other */
 } bd_ale_span;
@@ -198,6 +205,17 @@ static inline double bd_ale_cubic(const double *value, const double *slope, doub
                c = slope[i] + slope[i + 1] - 2.0 * rise;
   *by = slope[i] + s * (2.0 * b + 3.0 * s * c);
   return value[i] + s * (slope[i] + s * (b + s * c));
+}
+
+/* By how much a mode draws its span out. */
+static inline double bd_ale_draws(const bd_ale_span *span, int n) {
+  return 0.5 * span->length * span->wave[n] * span->wave[n] * span->ab[n];
+}
+
+/* By how much the speed at which belt runs off a span's pulley (end 0), or on, goes with the rate
+ * of mode n: as a wave turns the span there it rolls on the pulley. */
+static inline double bd_ale_rolls(const bd_ale_span *span, int end, int n) {
+  return span->rolls[end] * (end == 0 || n % 2 == 0 ? span->wave[n] : -span->wave[n]);
 }
 
 /* X(H) of a span, its slope, the stretch of its resting modes, (S/4) sum k^2 A^2, and by how much

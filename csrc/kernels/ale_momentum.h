@@ -6,17 +6,37 @@
 
 /* --- modes of a span, without the terms of c' ------------------------------------------------- */
 
+/* Where the belt runs off a pulley, or on, its curvature rises to 1 / R as exp(x / l), and it sinks
+ * in; dampers take what the rates of both, by the speed at which it runs there, are worth squared.
+ */
+INLINE void lose_at_ends(bd_ale *ale, int i) {
+  bd_ale_span *span = &ale->spans[i];
+  const bd_ale_arc *arc = &ale->arcs[i];
+  const int nodes[2] = {arc->begin + arc->n, ale->arcs[arc->next].begin};
+  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
+  const int loses = ale->bending_damping > 0.0 && ale->bending > 0.0;
+  for (int end = 0; end < 2; ++end) {
+    const double square = span->curvature[end] * span->curvature[end];
+    double speed = ale->past[nodes[end]];
+    for (int n = 0; n < BD_ALE_MODES; ++n) {
+      speed += bd_ale_rolls(span, end, n) * span->da[n];
+    }
+    span->per_bending[end] =
+        loses ? 0.5 * ale->bending_damping * square * sqrt(H / ale->bending) : 0.0;
+    span->per_losing[end] = span->per_bending[end] + span->sinks[end];
+    span->losing[end] = span->per_losing[end] * speed;
+  }
+}
+
 INLINE void swing(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
   const int k = arc->begin + arc->n, K = BD_ALE_MODES;
-  const double *a = y->a + i * K, *p = y->p + i * K;
+  const double *a = y->a + i * K;
   const double c = span->past, S = span->length, m = y->m[k];
   const double per_mp = span->stretch / ale->density, fills = dy->m[k] / m;
+  const double pull = span->elastic + span->damped;
   double first = 0.0, added = 0.0, lateral = 0.0, per_S = 1.0 / S;
-  for (int n = 0; n < K; ++n) {
-    span->da[n] = p[n] - span->moved[n];
-  }
   for (int n = 0; n < K; ++n) {
     double ga = 0.0, gda = 0.0;
     for (int r = 1 - n % 2; r < K; r += 2) {
@@ -29,10 +49,12 @@ INLINE void swing(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, in
   for (int n = 0; n < K; ++n) {
     const double k2 = span->wave[n] * span->wave[n], ab = span->ab[n], da = span->da[n];
     const double ga = span->ga[n], kappa = k2 * ab;
+    const double resists =
+        span->losing[0] * bd_ale_rolls(span, 0, n) + span->losing[1] * bd_ale_rolls(span, 1, n);
     const double dp = span->dp[n] =
-        -2.0 * c * span->gda[n] - (span->elastic * per_mp - c * c) * kappa -
+        -2.0 * c * span->gda[n] - (pull * per_mp - c * c) * kappa -
         per_mp * k2 * k2 * (span->stiff[n] * ab + ale->bending_damping * da) +
-        2.0 * span->moment[n] * per_mp * per_S +
+        2.0 * per_mp * per_S * (span->moment[n] - resists) +
         ale->odd[n] * (4.0 * span->sag + 8.0 * ale->direction * span->turning * c) -
         fills * (da + c * ga);
     dy->a[i * K + n] = da;
@@ -88,20 +110,6 @@ INLINE void carry_speed(bd_ale *ale, const bd_ale_state *y, int j) {
   ale->carried_n[last] = through * (ale->across[after] - ale->across[last]);
 }
 
-/* Where the belt runs off a pulley, or on, its curvature rises to 1 / R as exp(x / l); damping
- * takes what its rate, by which the belt runs, squared is worth. */
-INLINE void lose_at_ends(bd_ale *ale, int i, const int nodes[2]) {
-  bd_ale_span *span = &ale->spans[i];
-  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
-  const int loses = ale->bending_damping > 0.0 && ale->bending > 0.0;
-  for (int end = 0; end < 2; ++end) {
-    const double square = span->curvature[end] * span->curvature[end];
-    span->per_losing[end] =
-        loses ? 0.5 * ale->bending_damping * square * sqrt(H / ale->bending) : 0.0;
-    span->losing[end] = span->per_losing[end] * ale->past[nodes[end]];
-  }
-}
-
 /* Both ends of a span: consistent mass and the reaction of its modes together. */
 INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int i) {
   bd_ale_span *span = &ale->spans[i];
@@ -109,7 +117,6 @@ INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = BD_ALE_MODES;
   const double density = ale->density, m = y->m[k], mu = density * m / 6.0;
   const double quarter = 0.25 * span->added, half = 0.5 * span->first;
-  lose_at_ends(ale, i, (const int[2]){k, after});
   const double f_0 = ale->total[k] + span->lateral - half - span->losing[0];
   const double f_1 = ale->total[after] - span->lateral - half - span->losing[1];
   const double k_00 = 0.5 * density * (m + y->m[k - 1]) - mu + quarter;
@@ -214,6 +221,7 @@ static void move(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy) {
     pull_nodes(ale, y, dy, j);
   }
   for (int i = 0; i < ale->np; ++i) {
+    lose_at_ends(ale, i);
     swing(ale, y, dy, i);
     pull_ends(ale, y, dy, i);
   }

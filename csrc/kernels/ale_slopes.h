@@ -54,7 +54,7 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
   const law_constants c = law_prepare(&arc->friction, 1.0, law);
   const vec none = splat(0.0), half = splat(0.5), one = splat(1.0), two = splat(2.0);
   const vec r0 = splat(arc->radius + arc->raised), EA = splat(ale->axial);
-  const vec density = splat(ale->density), damping = splat(ale->axial_damping);
+  const vec density = splat(ale->density), damping = splat(arc->damping);
   const vec sense = splat(arc->sense), speed = splat(arc->sense * arc->axis.omega);
   for (int k = arc->begin; k < arc->begin + arc->n; k += WIDTH) {
     const vec m = load(y->m + k), per_m = one / m;

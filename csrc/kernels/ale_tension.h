@@ -131,7 +131,7 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   const double outside = arc->radius + arc->raised;
   const vec EA = splat(ale->axial), c1 = splat(ale->quadratic), c2 = splat(ale->linear);
-  const vec density = splat(ale->density), damping = splat(ale->axial_damping);
+  const vec density = splat(ale->density), damping = splat(arc->damping);
   const vec none = splat(0.0), half = splat(0.5), one = splat(1.0), r0 = splat(outside);
   const vec angle = splat(arc->cell_angle), per_r0 = splat(1.0 / outside);
   const vec bending = splat(0.5 * ale->bending);
@@ -204,7 +204,13 @@ INLINE void end_span(bd_ale *ale, const bd_ale_state *y, int i) {
   span->pressing = span->elastic - ale->density * span->past * span->past / span->stretch;
   ale->stretch[k] = span->stretch;
   ale->elastic[k] = span->elastic;
-  ale->tension[k] = span->elastic + ale->axial_damping * (y->v[after] - y->v[k]) / y->m[k];
+  span->drawn = y->v[after] - y->v[k];
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
+    span->da[n] = y->p[i * BD_ALE_MODES + n] - span->moved[n];
+    span->drawn += bd_ale_draws(span, n) * span->da[n];
+  }
+  span->damped = span->damping * span->drawn / y->m[k];
+  ale->tension[k] = span->elastic + span->damped;
   ale->pressing[k] = span->pressing;
   ale->bent[k] = 0.0;
   span->lifted[0] = span->lifted[1] = 0.0;
