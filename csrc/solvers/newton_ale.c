@@ -20,8 +20,9 @@ struct bd_ale_system {
   double *bends;   /* by mount, force of the belt by what the lever turns */
   double *inertia; /* of the belt on mounts (mounts, mounts) */
   int shears;      /* of both ends of spans; 0 without bending */
-  double *over;    /* the ring's solutions of their columns; by them shears, (1 - rows over)^-1 */
+  double *over;    /* the ring's solutions of their columns; factors of 1 - rows over, shears */
   double *by_over, *factors;
+  int *pivots;
 };
 
 /* --- layout ----------------------------------------------------------------------------------- */
@@ -70,7 +71,8 @@ static void carve(bd_carver *carver, bd_newton_system *system, const bd_model *m
   const int shears = 2 * lay->np;
   BD_CARVE(carver, to->over, shears * system->width);
   BD_CARVE(carver, to->by_over, shears * shears);
-  BD_CARVE(carver, to->factors, 2 * shears);
+  BD_CARVE(carver, to->factors, shears);
+  BD_CARVE(carver, to->pivots, shears);
   BD_CARVE(carver, system->x, system->width);
   BD_CARVE(carver, system->border, bd_count_bodies(lay) * system->width);
   if (carver->base) {
@@ -156,24 +158,6 @@ static double shear_of(const struct bd_ale_system *own, int s, const double *x) 
   return sum;
 }
 
-/* a = a^-1, near 1, by Gauss and Jordan. */
-static void invert(int n, double *a) {
-  for (int i = 0; i < n; ++i) {
-    const double per = 1.0 / a[i * n + i];
-    a[i * n + i] = 1.0;
-    for (int k = 0; k < n; ++k) {
-      a[i * n + k] *= per;
-    }
-    for (int j = 0; j < n; ++j) {
-      const double factor = j == i ? 0.0 : a[j * n + i];
-      a[j * n + i] = j == i ? a[j * n + i] : 0.0;
-      for (int k = 0; k < n; ++k) {
-        a[j * n + k] -= factor * a[i * n + k];
-      }
-    }
-  }
-}
-
 static void factor(bd_newton_system *system) {
   struct bd_ale_system *own = system->ale;
   const bd_ale_newton *newton = &own->newton;
@@ -194,24 +178,18 @@ static void factor(bd_newton_system *system) {
           (r == s ? 1.0 : 0.0) - shear_of(own, r, own->over + s * system->width);
     }
   }
-  invert(n, own->by_over);
+  bd_dense_factor(n, own->by_over, own->pivots);
 }
 
 /* Solutions of the ring alone, with the shears that follow. */
 static void add_shears(const bd_newton_system *system, double *x) {
   const struct bd_ale_system *own = system->ale;
   const int n = own->shears;
-  double *const shears = own->factors, *const factors = own->factors + n;
-  for (int s = 0; s < n; ++s) {
-    shears[s] = shear_of(own, s, x);
+  for (int k = 0; k < n; ++k) {
+    own->factors[k] = -shear_of(own, k, x);
   }
-  for (int r = 0; r < n; ++r) {
-    factors[r] = 0.0;
-    for (int s = 0; s < n; ++s) {
-      factors[r] -= own->by_over[r * n + s] * shears[s];
-    }
-  }
-  own->kernels->deduct(own->newton.ring.unknowns, n, system->width, own->over, factors, x);
+  bd_dense_solve(n, own->by_over, own->pivots, own->factors);
+  own->kernels->deduct(own->newton.ring.unknowns, n, system->width, own->over, own->factors, x);
 }
 
 static void solve(const bd_newton_system *system, const bd_layout *lay, int n, double *v) {

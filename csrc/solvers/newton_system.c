@@ -130,8 +130,8 @@ void bd_newton_bodies(bd_newton_system *system, const bd_plan *plan, double g, d
 
 /* --- factorisation --------------------------------------------------------------------------- */
 
-/* Of the shafts' small matrix: with pivots, whose reciprocals are kept, in place, by rows. */
-static void decompose(int n, double *a, int *pivots) {
+/* With pivots, whose reciprocals are kept. */
+void bd_dense_factor(int n, double *a, int *pivots) {
   for (int k = 0; k < n; ++k) {
     int best = k;
     for (int i = k + 1; i < n; ++i) {
@@ -153,7 +153,7 @@ static void decompose(int n, double *a, int *pivots) {
   }
 }
 
-static void substitute(int n, const double *a, const int *pivots, double *x) {
+void bd_dense_solve(int n, const double *a, const int *pivots, double *x) {
   for (int k = 0; k < n; ++k) {
     double kept = x[pivots[k]];
     x[pivots[k]] = x[k];
@@ -273,7 +273,7 @@ void bd_newton_factor(bd_newton_system *system, bd_plan *plan, double *y, double
                                             belt->row(system, plan, first + i, z);
     }
   }
-  decompose(n, system->matrix, system->pivots);
+  bd_dense_factor(n, system->matrix, system->pivots);
 }
 
 /* --- solve ----------------------------------------------------------------------------------- */
@@ -397,7 +397,7 @@ void bd_newton_solve(bd_newton_system *system, bd_plan *plan, double *c) {
     }
     rhs[body] -= belt->row(system, plan, body, x);
   }
-  substitute(n, system->matrix, system->pivots, rhs + first);
+  bd_dense_solve(n, system->matrix, system->pivots, rhs + first);
   belt->finish(system, plan, n, bd_newton_border(system, first), rhs + first, c);
   for (int e = 0; e < plan->n_effects; ++e) {
     if (plan->effects[e]->finish) {

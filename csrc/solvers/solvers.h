@@ -90,6 +90,9 @@ void bd_newton_fill(bd_newton_system *system, const bd_plan *plan, double *y, do
 void bd_newton_product(bd_newton_system *system, const bd_plan *plan, double *c);
 void bd_newton_restore(const bd_newton_system *system, const bd_plan *plan, double *c);
 void bd_newton_bodies(bd_newton_system *system, const bd_plan *plan, double g, double damped);
+/* Factors of a small full matrix by rows, in place; solutions, in place of the right-hand side. */
+void bd_dense_factor(int n, double *a, int *pivots);
+void bd_dense_solve(int n, const double *a, const int *pivots, double *x);
 /* Behind the last node comes the first, before the first the last. */
 void bd_newton_close(const bd_layout *lay, double *c);
 
