@@ -25,6 +25,7 @@ modules of the package are there as well.
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from pkgutil import extend_path
 from typing import TYPE_CHECKING, Any
@@ -50,15 +51,13 @@ if _core_version != __version__:
     )
 
 from . import accuracy, scenes, spectra
-from .accuracy_report import Accuracy, QuantityError
-from .arcs import Arcs
-from .checkpoints import Checkpoint
-from .couplings import Isolator, OverrunningClutch, TorsionalDamper
-from .described import describe as _describe
-from .errors import Interrupted, SimulationError
-from .explaining import Explanation, explain
-from .friction import LAWS as _LAWS
-from .friction import (
+from ._moved import MOVED as _MOVED
+from .base.described import describe as _describe
+from .base.run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
+from .drive import friction as friction
+from .drive.couplings import Isolator, OverrunningClutch, TorsionalDamper
+from .drive.friction import LAWS as _LAWS
+from .drive.friction import (
     Coulomb,
     CreepRate,
     Dahl,
@@ -69,8 +68,13 @@ from .friction import (
     MaxwellSlip,
     Threlfall,
 )
-from .histories import GROUPS as _GROUPS
-from .histories import Stats
+from .drive.mounts import Arm, Path, Slider
+from .drive.params import Params
+from .drive.parts import Belt, Contact, Drag, Pulley
+from .drive.route import Route, route
+from .drive.scene import Scene
+from .drive.tensioning import Tensioning
+from .explaining import Explanation, explain
 from .identification import (
     Experiment,
     Free,
@@ -79,24 +83,23 @@ from .identification import (
     Target,
     identify,
 )
-from .loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
-from .motions import AngleTable, CrankMotion, Motion
-from .mounts import Arm, Path, Slider
-from .params import Params
-from .parts import Belt, Contact, Drag, Pulley
-from .places import AlongBelt
+from .loads.loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
+from .loads.motions import AngleTable, CrankMotion, Motion
+from .loads.torques import PiecewiseLinear, Torque, TorqueSum, Viscous
+from .outputs.accuracy_report import Accuracy, QuantityError
+from .outputs.arcs import Arcs
+from .outputs.histories import GROUPS as _GROUPS
+from .outputs.histories import Stats
+from .outputs.places import AlongBelt
+from .outputs.state import State, Tensions
 from .report import Report
 from .report import rows as _rows
-from .result import Result
-from .resuming import resume
-from .route import Route, route
-from .run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
-from .scene import Scene
-from .simulation import METHODS, settle, simulate
-from .state import State, Tensions
+from .result.errors import Interrupted, SimulationError
+from .result.result import Result
+from .run.checkpoints import Checkpoint
+from .run.resuming import resume
+from .run.simulation import METHODS, settle, simulate
 from .sweeping import Samples, Sensitivity, SweepInterrupted, sample, sensitivity, sweep
-from .tensioning import Tensioning
-from .torques import PiecewiseLinear, Torque, TorqueSum, Viscous
 from .vibration import FrequencyResponse, Modes, frequency_response, modes
 
 if TYPE_CHECKING:
@@ -212,6 +215,7 @@ for _cls in (
     if isinstance(_cls, type):
         _describe(_cls)
 
+sys.modules[f"{__name__}.friction"] = friction  # public by this name
 globals().update({_law.__name__: _law for _law in _LAWS.values()})  # those without a class, too
 
 
@@ -223,4 +227,6 @@ def __getattr__(name: str) -> Any:
     """Import ``bd.plot`` when it is first asked for: it needs matplotlib."""
     if name == "plot":
         return import_module(f"{__name__}.plot")
+    if name in _MOVED:
+        raise AttributeError(f"{__name__}.{name} has moved to {__name__}.{_MOVED[name]}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

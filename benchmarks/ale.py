@@ -38,7 +38,7 @@ import mesh_estimate
 import numpy as np
 
 import beltdyn as bd
-from beltdyn.run_warnings import silenced
+from beltdyn.base.run_warnings import silenced
 
 sys.path.insert(0, str(common.HERE.parent / "tests"))
 import creep_theory

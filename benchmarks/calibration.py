@@ -30,7 +30,7 @@ import numpy as np
 from mesh import DRIVES
 
 import beltdyn as bd
-from beltdyn.run_warnings import silenced
+from beltdyn.base.run_warnings import silenced
 
 BAND = (0.1, 3.0)
 ASKED = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)

@@ -35,7 +35,7 @@ import numpy as np
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.motions import as_motions, motion_terms
+from beltdyn.loads.motions import as_motions, motion_terms
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "tests"))

@@ -17,8 +17,8 @@ import time
 import common
 
 import beltdyn as bd
+from beltdyn.base.run_warnings import silenced
 from beltdyn.explaining.ablation import RUNS, SAFETY, Answers, LeftOut, answers_of, changes_of
-from beltdyn.run_warnings import silenced
 
 TIMED = ("kubas-case-1", "serpentine")
 HELD = (

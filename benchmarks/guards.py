@@ -18,8 +18,10 @@ import common
 import numpy as np
 
 import beltdyn as bd
-from beltdyn import _core, observed, sanity
-from beltdyn.torques import as_terms
+from beltdyn import _core
+from beltdyn.drive import sanity
+from beltdyn.loads.torques import as_terms
+from beltdyn.run import observed
 
 SETTINGS = (("auto", 1e-4), ("rodas4", 1e-3), ("lbdf2", 1e-2))
 

@@ -29,8 +29,8 @@ import attrs
 import common
 
 import beltdyn as bd
-from beltdyn import parts
-from beltdyn.hard import HardScene
+from beltdyn.drive import parts
+from beltdyn.scenes.hard_scenes import HardScene
 
 sys.path.insert(0, str(common.HERE.parent / "tests"))
 import hard_outcome

@@ -30,8 +30,8 @@ from numba_model import BAND
 from peers import Problem, filled
 
 import beltdyn as bd
-from beltdyn import run_warnings
-from beltdyn.hard import HardScene
+from beltdyn.base import run_warnings
+from beltdyn.scenes.hard_scenes import HardScene
 
 Record = dict[str, Any]
 TOLERANCE, GOOD = 1e-3, 1e-2

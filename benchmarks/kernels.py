@@ -26,7 +26,8 @@ import attrs
 import numpy as np
 
 import beltdyn as bd
-from beltdyn import _core, friction, rules
+from beltdyn import _core
+from beltdyn.drive import friction, rules
 
 ROOT = Path(__file__).resolve().parent.parent
 CORE = ROOT / "csrc"

@@ -31,7 +31,7 @@ import common
 import numpy as np
 
 import beltdyn as bd
-from beltdyn.run_warnings import silenced
+from beltdyn.base.run_warnings import silenced
 
 sys.path.insert(0, str(common.HERE.parent / "tests"))
 import drives

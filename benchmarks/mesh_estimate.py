@@ -24,7 +24,7 @@ import numpy as np
 
 import beltdyn as bd
 from beltdyn.accuracy import differences, observe, with_links
-from beltdyn.run_warnings import silenced
+from beltdyn.base.run_warnings import silenced
 
 sys.path.insert(0, str(common.HERE.parent / "tests"))
 import random_drives

@@ -30,8 +30,8 @@ import numpy as np
 
 import beltdyn as bd
 from beltdyn.accuracy import QUANTITIES, Observed, differences, observe, with_links
-from beltdyn.accuracy_report import SPACE_FLOOR, TIME_FLOOR
-from beltdyn.run_warnings import silenced
+from beltdyn.base.run_warnings import silenced
+from beltdyn.outputs.accuracy_report import SPACE_FLOOR, TIME_FLOOR
 
 sys.path.insert(0, str(common.HERE.parent / "tests"))
 import drives

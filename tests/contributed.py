@@ -20,7 +20,7 @@ from test_integrators import test_explicit_methods_meet_their_order_conditions a
 
 import beltdyn as bd
 from beltdyn import _core, cli
-from beltdyn import parameters as names
+from beltdyn.drive import parameters as names
 
 Array = np.ndarray
 TREE = Path(os.environ["CONTRIBUTED"])

@@ -19,7 +19,7 @@ import numpy as np
 import random_drives
 
 import beltdyn as bd
-from beltdyn import run_warnings
+from beltdyn.base import run_warnings
 
 #: solved: finished, theory and invariants kept, and the error, where a reference exists, at most
 #: FACTOR times what it claims.

@@ -15,8 +15,8 @@ from reference_friction import Law
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.friction import LAWS, Friction
-from beltdyn.rules import rules_of
+from beltdyn.drive.friction import LAWS, Friction
+from beltdyn.drive.rules import rules_of
 
 #: A number of each unit that friction parameters have; of lists, two.
 TYPICAL = {"1": 0.6, "1/m": 1e4, "m/s": 0.05, "s/m": 0.1, "N/m^2": 2e7, "N s/m^2": 400.0}

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import beltdyn as bd
-from beltdyn.balance import tension_held
+from beltdyn.base.run_warnings import silenced
+from beltdyn.drive.balance import tension_held
 from beltdyn.explaining import ablation
 from beltdyn.explaining.ablation import Answers, LeftOut, answers_of, changes_of, growth_of
 from beltdyn.explaining.removals import Removal, leave_out, removals_of
-from beltdyn.explaining.window import Timed
-from beltdyn.run_warnings import silenced
+from beltdyn.explaining.run_length import Timed
 
 #: So much that the whole run is the window, however slow the machine.
 ENOUGH = 500.0

@@ -17,11 +17,13 @@ from click.testing import CliRunner
 from tiers import first
 
 import beltdyn as bd
-from beltdyn import cli, sanity
-from beltdyn.accuracy import QUANTITIES, Observed, differences, observe, verification, with_links
-from beltdyn.accuracy.space import space_error
-from beltdyn.accuracy_report import SPACE_FLOOR, TIME_FLOOR
-from beltdyn.compliance import compliance_error
+from beltdyn import cli
+from beltdyn.accuracy import QUANTITIES, Observed, differences, observe, with_links
+from beltdyn.drive import sanity
+from beltdyn.drive.compliance import compliance_error
+from beltdyn.outputs.accuracy_report import SPACE_FLOOR, TIME_FLOOR
+from beltdyn.verification import verification
+from beltdyn.verification.space import space_error
 
 # Coarse meshes are the subject here.
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")

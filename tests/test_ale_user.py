@@ -13,10 +13,10 @@ import pytest
 from click.testing import CliRunner
 
 import beltdyn as bd
-from beltdyn import cells
 from beltdyn.cli import main
+from beltdyn.drive import cells
 from beltdyn.explaining.removals import removals_of
-from beltdyn.places import cell_places, follow
+from beltdyn.outputs.places import cell_places, follow
 
 BELT = bd.Belt(
     mesh="ale", preload=320.0, linear_density=0.1, axial_stiffness=60e3, axial_damping=20.0,

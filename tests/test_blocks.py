@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from beltdyn.blocks import BlockFile
+from beltdyn.base.blocks import BlockFile
 
 MARK = b"mark\n"
 #: What is written at once.

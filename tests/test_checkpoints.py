@@ -25,9 +25,11 @@ from drives import on_mesh, plain, plain_scene, with_belt
 from module_common import refused
 
 import beltdyn as bd
-from beltdyn import _core, checkpoints, simulation, start_of_run
-from beltdyn.blocks import BlockFile
-from beltdyn.histories import GROUPS
+from beltdyn import _core
+from beltdyn.base import npz
+from beltdyn.base.blocks import BlockFile
+from beltdyn.outputs.histories import GROUPS
+from beltdyn.run import checkpoints, simulation, start_of_run
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -473,11 +475,11 @@ def test_forged_files_are_refused_by_name(half: Path) -> None:
 
     def option(old: str, new: str) -> Callable[[bytes], bytes]:
         def change(content: bytes) -> bytes:
-            arrays = bd.npz.unpack(content, start_of_run._NAMES)  # type: ignore[attr-defined]
+            arrays = npz.unpack(content, start_of_run._NAMES)
             text = str(arrays["meta.json"])
             assert old in text
             arrays["meta.json"] = np.array(text.replace(old, new))
-            return bd.npz.pack(arrays)  # type: ignore[attr-defined, no-any-return]
+            return npz.pack(arrays)
 
         return change
 

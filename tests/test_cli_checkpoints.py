@@ -17,7 +17,7 @@ from test_checkpoints import same
 from test_cli import call, only_the_mesh, refused
 
 import beltdyn as bd
-from beltdyn.blocks import BlockFile
+from beltdyn.base.blocks import BlockFile
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 

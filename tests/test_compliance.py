@@ -15,7 +15,7 @@ import pytest
 from tiers import first
 
 import beltdyn as bd
-from beltdyn import compliance
+from beltdyn.drive import compliance
 
 #: Contacts that are soft on purpose are warned of.
 pytestmark = pytest.mark.filterwarnings("ignore:compliance:beltdyn.AccuracyWarning")

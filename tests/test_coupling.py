@@ -24,7 +24,8 @@ from scipy.optimize import brentq
 from tiers import ci_if
 
 import beltdyn as bd
-from beltdyn import _core, parameters
+from beltdyn import _core
+from beltdyn.drive import parameters
 from beltdyn.explaining.removals import leave_out, removals_of
 from beltdyn.sweeping import names
 

@@ -21,7 +21,7 @@ import stored_runs
 from tiers import ci_if
 
 import beltdyn as bd
-from beltdyn.simulation import METHODS
+from beltdyn.run.simulation import METHODS
 
 #: Every method once, on some of the legs, by default; all legs of all cases in CI.
 SOME = (0, 4, 7)

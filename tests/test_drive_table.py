@@ -29,8 +29,8 @@ from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.motions import as_motions, motion_terms
-from beltdyn.torques import as_terms
+from beltdyn.loads.motions import as_motions, motion_terms
+from beltdyn.loads.torques import as_terms
 
 #: Not in what runs in threads: what Python ignores is one for all threads.
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")

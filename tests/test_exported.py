@@ -19,7 +19,8 @@ from scipy.io import loadmat
 
 import beltdyn as bd
 from beltdyn import cli
-from beltdyn.cli import commands, sweeping
+from beltdyn.cli import commands
+from beltdyn.cli import sweep_command as sweeping
 
 T = np.linspace(0.0, 4e-3, 5)
 
@@ -113,7 +114,7 @@ def test_a_missing_package_is_named_before_anything_runs(
 ) -> None:
     monkeypatch.setattr(commands, "simulate", Mock(side_effect=AssertionError("it ran")))
     missing = Mock(side_effect=ModuleNotFoundError(name="scipy"))
-    monkeypatch.setattr("beltdyn.optional.import_module", missing)
+    monkeypatch.setattr("beltdyn.base.optional.import_module", missing)
     said = refused("run", "kubas-case-1", "--out", tmp_path / "run.mat")
     assert "a .mat file needs the package scipy" in said and "beltdyn[vibration]" in said
 

@@ -25,7 +25,8 @@ from click.testing import CliRunner
 from matplotlib.figure import Figure
 
 import beltdyn as bd
-from beltdyn import cli, files
+from beltdyn import cli
+from beltdyn.base import files
 from beltdyn.cli import commands, written
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX files and processes")

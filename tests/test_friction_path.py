@@ -16,8 +16,8 @@ import reference
 from laws import EXAMPLES, STRIBECK, scaled
 
 import beltdyn as bd
-from beltdyn.arcs import in_slip
-from beltdyn.checks import Array
+from beltdyn.base.checks import Array
+from beltdyn.outputs.arcs import in_slip
 
 EPS = float(np.finfo(float).eps)
 NORMAL = 5e3  # N/m

@@ -19,7 +19,9 @@ from module_common import INF, make_model
 from tiers import extended_if
 
 import beltdyn as bd
-from beltdyn import _core, run_warnings, sanity
+from beltdyn import _core
+from beltdyn.base import run_warnings
+from beltdyn.drive import sanity
 
 Laws = tuple[bd.Friction | None, ...]
 

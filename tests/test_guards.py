@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import beltdyn as bd
-from beltdyn.hard.drives import scaled
+from beltdyn.scenes.hard_scenes.drives import scaled
 
 PUSH = bd.PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
 RAMP = PUSH + bd.Viscous([0.0, 15.9])

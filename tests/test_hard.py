@@ -11,9 +11,9 @@ from click.testing import CliRunner
 from tiers import OTHERS
 
 import beltdyn as bd
-from beltdyn import run_warnings
+from beltdyn.base import run_warnings
 from beltdyn.cli.commands import main
-from beltdyn.hard import HardScene
+from beltdyn.scenes.hard_scenes import HardScene
 
 HARD = bd.scenes.hard
 #: One of each family, and of errors; the others that end in one are those of test_guards.py.

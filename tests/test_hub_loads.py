@@ -23,8 +23,8 @@ from laws import EXAMPLES, core_law, oracle_law
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.checks import Array
-from beltdyn.route import Route
+from beltdyn.base.checks import Array
+from beltdyn.drive.route import Route
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 

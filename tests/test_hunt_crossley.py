@@ -20,7 +20,7 @@ from scipy.optimize import brentq
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.checks import Array
+from beltdyn.base.checks import Array
 
 N, RADIUS, DENSITY, STIFFNESS = 24, 0.1, 0.1, 2.5e7
 MESHES = ("paper", "joint")

@@ -11,7 +11,7 @@ import pytest
 
 import beltdyn as bd
 from beltdyn import kubas
-from beltdyn.kubas import rows
+from beltdyn.kubas import paper_numbers as rows
 
 T = np.linspace(0.0, 1.0, 2001)
 DT = T[1]

@@ -15,7 +15,7 @@ import xarray as xr
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.histories import GROUPS
+from beltdyn.outputs.histories import GROUPS
 
 T = np.linspace(0.0, 4e-3, 5)
 
@@ -127,6 +127,6 @@ def test_only_what_was_asked_for_and_files_come_back_equal(tmp_path: Path) -> No
 
 def test_without_xarray_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     missing = Mock(side_effect=ModuleNotFoundError(name="xarray"))
-    monkeypatch.setattr("beltdyn.optional.import_module", missing)
+    monkeypatch.setattr("beltdyn.base.optional.import_module", missing)
     with pytest.raises(ImportError, match=r'needs the package xarray: .* "beltdyn\[sweep\]"'):
         plain().to_xarray()

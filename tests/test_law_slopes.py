@@ -26,7 +26,7 @@ from test_friction_laws import (
 from test_kernels import available
 
 from beltdyn import _core
-from beltdyn.friction import Friction
+from beltdyn.drive.friction import Friction
 
 
 class Numbers(NamedTuple):

@@ -18,7 +18,7 @@ import pytest
 from module_common import INF, N_B, SCENE, TORQUE, drive, make_model, run, same_bits
 
 from beltdyn import _core
-from beltdyn.errors import SimulationError
+from beltdyn.result.errors import SimulationError
 
 
 @pytest.fixture(autouse=True, scope="module")

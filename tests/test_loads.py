@@ -16,7 +16,7 @@ import pytest
 
 import beltdyn as bd
 from beltdyn.accuracy.studies import _in_core
-from beltdyn.motions import in_core
+from beltdyn.loads.motions import in_core
 
 pytestmark = pytest.mark.filterwarnings("ignore:(mesh|no_friction|units):UserWarning")
 

@@ -26,8 +26,9 @@ from test_jacobian import case_of, core_of, crossed
 from tiers import first
 
 import beltdyn as bd
-from beltdyn import _core, sanity
-from beltdyn.rounding import percent
+from beltdyn import _core
+from beltdyn.base.rounding import percent
+from beltdyn.drive import sanity
 
 README = Path(__file__).resolve().parent.parent / "README.md"
 V, TORQUES = ValueError, drives.plain_scene().torque_fn

@@ -22,8 +22,8 @@ from two_pulleys import open_drive
 
 import beltdyn as bd
 from beltdyn.vibration.count import count
-from beltdyn.vibration.linear import linearise
-from beltdyn.vibration.search import search
+from beltdyn.vibration.eigenvalues import search
+from beltdyn.vibration.linearised import linearise
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 

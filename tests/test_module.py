@@ -26,7 +26,7 @@ from module_common import (
 )
 
 from beltdyn import _core
-from beltdyn.errors import SimulationError
+from beltdyn.result.errors import SimulationError
 
 V, T = ValueError, TypeError
 

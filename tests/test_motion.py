@@ -21,7 +21,7 @@ from module_common import INF, TORQUE, make_model, refused, same_bits
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.motions import in_core
+from beltdyn.loads.motions import in_core
 
 T_END = 0.02
 TIMES = np.linspace(0.0, T_END, 41)

@@ -22,8 +22,8 @@ import scipy.optimize
 from mounted_drives import METHODS
 
 import beltdyn as bd
-from beltdyn.balance import tension_held
-from beltdyn.route import Route
+from beltdyn.drive.balance import tension_held
+from beltdyn.drive.route import Route
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 

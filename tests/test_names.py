@@ -25,7 +25,8 @@ from matplotlib.figure import Figure
 from module_common import make_model
 
 import beltdyn as bd
-from beltdyn import run_warnings, sanity
+from beltdyn.base import run_warnings
+from beltdyn.drive import sanity
 
 NAMES = ("crank", "Spannrolle 2 ö", "alternator")
 SPANS = [f"{NAMES[k]} to {NAMES[(k + 1) % 3]}" for k in range(3)]

@@ -21,8 +21,8 @@ from laws import EXAMPLES, STRIBECK, with_laws, without_curve
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.motions import as_motions, motion_terms
-from beltdyn.torques import as_terms
+from beltdyn.loads.motions import as_motions, motion_terms
+from beltdyn.loads.torques import as_terms
 
 T_END = 4e-3
 

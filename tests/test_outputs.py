@@ -17,8 +17,10 @@ import pytest
 from numpy.typing import NDArray
 
 import beltdyn as bd
-from beltdyn import _core, memory, outputs
-from beltdyn.checks import Array
+from beltdyn import _core
+from beltdyn.base.checks import Array
+from beltdyn.outputs import selection as outputs
+from beltdyn.run import memory
 
 T = np.linspace(0.0, 4e-3, 9)
 
@@ -168,7 +170,7 @@ def test_names_are_checked_before_anything_runs(monkeypatch: pytest.MonkeyPatch)
     def never(*_: Any, **__: Any) -> Any:
         raise AssertionError("it ran")
 
-    monkeypatch.setattr("beltdyn.simulation.settle", never)
+    monkeypatch.setattr("beltdyn.run.simulation.settle", never)
     monkeypatch.setattr("beltdyn._core.Simulation", never)
     wrong: list[tuple[Any, type[Exception], str]] = [
         ("pulleys", TypeError, r"^outputs must be a tuple .* write \('pulleys',\)$"),

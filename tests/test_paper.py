@@ -2,7 +2,7 @@
 
 The paper prints no stiffness, mass, damping or friction value; those of the scenes are identified
 from the numbers it does print. What each number is, how it is read off a run and how near it must
-come is in ``beltdyn.kubas.rows``, fixed before any parameter was searched for.
+come is in ``beltdyn.kubas.paper_numbers``, fixed before any parameter was searched for.
 
     python -m pytest tests/test_paper.py -s
 """
@@ -23,7 +23,8 @@ from tiers import first
 
 import beltdyn as bd
 from beltdyn import kubas
-from beltdyn.kubas import figures, rows
+from beltdyn.kubas import figures
+from beltdyn.kubas import paper_numbers as rows
 from beltdyn.kubas.marks import INK
 
 TWO_PI = 2.0 * np.pi

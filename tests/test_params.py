@@ -17,9 +17,9 @@ from laws import EXAMPLES, STRIBECK, scaled, typical, with_laws
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn import parameters as names
-from beltdyn.friction import LAWS
-from beltdyn.rules import rules_of
+from beltdyn.drive import parameters as names
+from beltdyn.drive.friction import LAWS
+from beltdyn.drive.rules import rules_of
 
 CLASSES: dict[str, Any] = {
     **{"belt": bd.Belt, "pulley": bd.Pulley, "drag": bd.Drag, "arm": bd.Arm},

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from test_hub_loads import idler, off_statics, statics, straight_line
 
 import beltdyn as bd
-from beltdyn import places
+from beltdyn.outputs import places
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 

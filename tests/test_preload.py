@@ -14,8 +14,8 @@ import pytest
 from bridge import fields, oracle_of
 
 import beltdyn as bd
-from beltdyn import parameters as names
-from beltdyn import preload, sanity
+from beltdyn.drive import parameters as names
+from beltdyn.drive import preload, sanity
 
 BELT: dict[str, Any] = {"n_bodies": 60, "linear_density": 0.1, "axial_stiffness": 70e3}
 PULLEYS = (

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 import beltdyn as bd
 from beltdyn import _core, cli
-from beltdyn.histories import CouplingHistory, MountHistory
+from beltdyn.outputs.histories import CouplingHistory, MountHistory
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -109,7 +109,7 @@ def test_help_lists_every_warning_and_error() -> None:
     """One table each, of what the core and the package can say; the README leads to it."""
     fields = (ROOT / "csrc" / "fields.h").read_text(encoding="utf-8")
     starred = dict(re.findall(r"X\((\w+), ([01]), \"", fields))
-    package = [ROOT / "beltdyn" / module for module in ("sanity.py", "observed.py")]
+    package = [ROOT / "beltdyn" / module for module in ("drive/sanity.py", "run/observed.py")]
     text = "".join(path.read_text(encoding="utf-8") for path in package)
     for code in {*starred, *re.findall(r'code="(\w+)"', text)}:
         row = re.search(rf"^ +{code}( \*)? +\S", bd.RunWarning.__doc__ or "", re.MULTILINE)

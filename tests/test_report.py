@@ -17,10 +17,10 @@ import pytest
 
 import beltdyn as bd
 from beltdyn import _core
+from beltdyn.base.rounding import percent, rounded
 from beltdyn.report import Rows, brief, digits
 from beltdyn.report.rows import RESIDUAL, MountRow, Spread
 from beltdyn.report.text import _fitted, tables
-from beltdyn.rounding import percent, rounded
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 

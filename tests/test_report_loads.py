@@ -16,12 +16,12 @@ import pytest
 from two_pulleys import open_drive
 
 import beltdyn as bd
-from beltdyn.compliance import compliance
+from beltdyn.drive.compliance import compliance
+from beltdyn.outputs.spans import Coordinates, joint_points, mid_span
 from beltdyn.report import rainflow
 from beltdyn.report.hubs import hub_statics
-from beltdyn.report.spans import dominant, moving_string
+from beltdyn.report.span_rows import dominant, moving_string
 from beltdyn.report.window import Window
-from beltdyn.spans import Coordinates, joint_points, mid_span
 
 pytestmark = pytest.mark.filterwarnings("ignore:(balance|mesh)")
 
@@ -216,8 +216,8 @@ def test_lines_of_sines_and_of_a_moving_string() -> None:
 def test_what_the_radius_does_is_told_apart_from_creep() -> None:
     """A soft contact, not compensated: the smaller pulley loses radius, and the driven one speed.
 
-    The theory is beltdyn.compliance's, right to a fifth of that part, for friction acts already
-    where the belt is still sinking in, further out: that much may be told as friction's.
+    The theory is beltdyn.drive.compliance's, right to a fifth of that part, for friction acts
+    already where the belt is still sinking in, further out: that much may be told as friction's.
     """
     contact = bd.Contact(linear=5.2e7, damping=2e3)
     law = bd.ElasticPlastic(mu=0.8, stiffness=1e9, damping=1e4)

@@ -15,8 +15,11 @@ import pytest
 from click.testing import CliRunner
 
 import beltdyn as bd
-from beltdyn import cli, observed, run_warnings, sanity
+from beltdyn import cli
 from beltdyn.accuracy import with_links
+from beltdyn.base import run_warnings
+from beltdyn.drive import sanity
+from beltdyn.run import observed
 
 DAHL = bd.Dahl(mu_k=1.0, sigma=1e4)
 

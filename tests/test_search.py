@@ -14,7 +14,7 @@ from tiers import ci_if
 import beltdyn as bd
 from beltdyn.identification.free import resolve
 from beltdyn.kubas import LINKS, QUANTITIES, search
-from beltdyn.kubas.rows import demands, misfit, residuals
+from beltdyn.kubas.paper_numbers import demands, misfit, residuals
 
 DEMANDED = [q.name for q in QUANTITIES if q.demanded]
 

@@ -22,7 +22,7 @@ from scipy import stats
 from tiers import first
 
 import beltdyn as bd
-from beltdyn import optional
+from beltdyn.base import optional
 from beltdyn.sweeping.sampling import METHODS
 
 Values = NDArray[np.float64]

@@ -20,8 +20,8 @@ from pictures import SIZED, axes_of, check_room, labels
 
 import beltdyn as bd
 from beltdyn import spectra
-from beltdyn.report.spans import _of_links
-from beltdyn.spectra.sources import Source, lines_at, sources
+from beltdyn.outputs.orders import Source, lines_at, sources
+from beltdyn.report.span_rows import _of_links
 
 pytestmark = pytest.mark.filterwarnings("ignore:chatter")
 

@@ -16,6 +16,7 @@ from tiers import first
 
 import beltdyn as bd
 from beltdyn import _core
+from beltdyn.drive.compliance import compliance
 
 EA, RHO = 70e3, 0.1
 PROMISED = 1e-3
@@ -166,7 +167,7 @@ def test_velocities_stretch_nothing_and_do_not_slip(layout: str) -> None:
     turn = np.max(np.abs(state.vphi)) * params.info["link_length"] / v
     assert np.max(np.abs(stretch)) <= 0.5 * v * turn**2
     # each pulley by the radius on which the belt runs there
-    sunk = bd.compliance.compliance(params, [state.tension(params).mean] * len(params.pulleys), v)
+    sunk = compliance(params, [state.tension(params).mean] * len(params.pulleys), v)
     rims = state.omega * sunk.radius.mean(axis=1)
     assert rims == pytest.approx(params.route.senses * params.route.senses[0] * v, rel=2e-4)
     seen = params._model.observe(state._to_core(params))

@@ -1,4 +1,4 @@
-"""What may depend on what: read from the sources, without importing or compiling them.
+"""What may depend on what: read from the sources, without compiling them.
 
 A graph gives, by the name of each file or module, the names of those it depends on.
 """
@@ -8,9 +8,15 @@ from __future__ import annotations
 import ast
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
+
+import pytest
+
+import beltdyn as bd
+from beltdyn._moved import MOVED
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -46,16 +52,33 @@ def imported(name: str, file: Path, tree: ast.AST, known: set[str]) -> Iterator[
             yield own if own in known else one.partition(".")[0]
 
 
+#: Rooms of the package; each may import from those after it. CONTRIBUTING.md says so, too.
+ROOMS = (
+    "cli", "kubas", "sweeping", "identification", "accuracy", "plot", "explaining", "vibration",
+    "spectra", "scenes", "many", "run", "verification", "result", "report", "outputs", "drive",
+    "loads", "base",
+)  # fmt: skip
+OF_ROOMS = tuple(f"beltdyn.{name}" for name in ROOMS)
+
+
 def in_room(name: str, *rooms: str) -> bool:
     return any(f"{name}.".startswith(f"{room}.") for room in rooms)
 
 
-def test_imports_have_no_circle_and_the_library_does_not_know_the_paper() -> None:
-    """The room of the paper uses the library; the command `beltdyn figures` alone enters it.
-    Functions import only what is heavy or may be missing.
+def room(name: str) -> str:
+    """Give the room of a module, or "" of what is in none."""
+    return name.split(".")[1] if name.count(".") and in_room(name, *OF_ROOMS) else ""
+
+
+def test_imports_of_the_package_go_one_way_and_have_no_circle() -> None:
+    """Those in functions and for type checkers as well. The room of the paper uses the library;
+    the command `beltdyn figures` alone enters it. Functions import only what is heavy or may be
+    missing.
     """
+    assert f"`{' -> '.join(ROOMS)}`" in (ROOT / "CONTRIBUTING.md").read_text("utf-8")
     files, paper = modules(), "beltdyn.kubas"
-    heavy = ("cattrs", "matplotlib", "rich", "tomli_w", "beltdyn.plot", paper)
+    drawing = ("matplotlib", "beltdyn.plot", "beltdyn.accuracy.price")
+    heavy = ("cattrs", "rich", "tomli_w", *drawing, paper)
     graph: Graph = {}
     for name, file in files.items():
         tree = ast.parse(file.read_text("utf-8"))
@@ -64,15 +87,48 @@ def test_imports_have_no_circle_and_the_library_does_not_know_the_paper() -> Non
             if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
                 late = set(imported(name, file, node, set(files)))
                 assert {one for one in late if not in_room(one, *heavy)} == set(), name
-    assert {"beltdyn.params", "beltdyn.run_warnings"} <= graph["beltdyn.result"]
-    assert {"beltdyn.plot", "beltdyn.kubas.rows"} <= graph["beltdyn.kubas.figures"]
+    assert {"beltdyn.drive.params", "beltdyn.base.run_warnings"} <= graph["beltdyn.result.result"]
+    assert {"beltdyn.plot", "beltdyn.kubas.paper_numbers"} <= graph["beltdyn.kubas.figures"]
     assert "beltdyn.plot" in graph["beltdyn.cli.written"]  # in a function
     TopologicalSorter(graph).prepare()  # raises CycleError, which names a circle
+    above, below = {"beltdyn", "beltdyn.__main__", "beltdyn._moved"}, {"beltdyn._core"}
+    assert {name for name in files if not room(name)} == above | below
+    assert {room(name) for name in files} - {""} == set(ROOMS)
+    for name in files.keys() - above:
+        for target in graph[name] - below:
+            if name.startswith("beltdyn.cli.") and target == "beltdyn":
+                continue  # its version
+            assert room(target), f"{name} imports {target}"
+            assert ROOMS.index(room(name)) <= ROOMS.index(room(target)), f"{name} imports {target}"
     assert {
         name
         for name, targets in graph.items()
         if not in_room(name, paper) and any(in_room(target, paper) for target in targets)
-    } == {"beltdyn.cli.figures"}
+    } == {"beltdyn.cli.figures_command"}
+
+
+def test_no_two_modules_have_one_name() -> None:
+    """Nor one the name of another room; a room may have a module of its own name."""
+    names = [name for name, file in modules().items() if file.name != "__init__.py"]
+    count = Counter(name.rpartition(".")[2] for name in names)
+    assert [name for name, times in count.items() if times > 1] == []
+    assert [
+        one for one in names if (end := one.rpartition(".")[2]) in ROOMS and room(one) != end
+    ] == []
+
+
+def test_a_module_that_has_moved_says_where_it_is() -> None:
+    """Whatever way it is asked for. The names are not those of public things, which never move."""
+    there = set(modules())
+    assert {f"beltdyn.{name}" for name in MOVED.values()} <= there
+    assert {f"beltdyn.{name}" for name in MOVED} & there == set()
+    message = r"^beltdyn\.params has moved to beltdyn\.drive\.params"
+    for statement in ("import beltdyn.params", "from beltdyn import params"):
+        with pytest.raises(ImportError, match=message):
+            exec(statement, {})
+    with pytest.raises(AttributeError, match=message):
+        _ = bd.params  # type: ignore[attr-defined]
+    exec("import beltdyn.friction as laws; assert laws.LAWS", {})
 
 
 def test_every_folder_of_the_package_is_installed() -> None:

@@ -20,16 +20,17 @@ from click.testing import CliRunner
 from tiers import ci_if
 
 import beltdyn as bd
-from beltdyn import sanity
-from beltdyn.accuracy import QUANTITIES, budget, studies
-from beltdyn.accuracy.pilot import LADDER, Pilot
-from beltdyn.accuracy.quantities import Observed, differences, observe
+from beltdyn.accuracy import QUANTITIES, studies
 from beltdyn.accuracy.records import Records, key_of
-from beltdyn.accuracy.runs import Done, Reached
-from beltdyn.accuracy.settings import Setting, fewest
 from beltdyn.accuracy.suggestion import chosen
-from beltdyn.accuracy_report import SPACE_FLOOR, WORDS
 from beltdyn.cli import main
+from beltdyn.drive import sanity
+from beltdyn.outputs.accuracy_report import SPACE_FLOOR, WORDS
+from beltdyn.verification import budget
+from beltdyn.verification.pilot import LADDER, Pilot
+from beltdyn.verification.quantities import Observed, differences, observe
+from beltdyn.verification.runs import Done, Reached
+from beltdyn.verification.settings import Setting, fewest
 
 T = np.linspace(0.0, 1.0, 401)
 SCENE = bd.scenes.kubas_case_1()

@@ -25,7 +25,7 @@ import sweep_runs
 from sweep_runs import MEASURE, TIMES, cases, compiled, do, plain, same, under_function
 
 import beltdyn as bd
-from beltdyn import pools
+from beltdyn.many import pools
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 

@@ -19,7 +19,7 @@ import sweep_runs
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.parameters import numbers
+from beltdyn.drive.parameters import numbers
 from beltdyn.sweeping import content
 from beltdyn.sweeping.content import Contents
 from beltdyn.sweeping.identity import NoKeyError, token

@@ -22,7 +22,7 @@ from sweep_runs import MEASURE, TIMES, do, plain, same, under_function
 
 import beltdyn as bd
 from beltdyn.sweeping import SweepInterrupted, content, store
-from beltdyn.sweeping.rows import Axis, Layout, Outcome, Quantity
+from beltdyn.sweeping.outcomes import Axis, Layout, Outcome, Quantity
 
 N = 60
 

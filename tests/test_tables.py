@@ -15,9 +15,10 @@ import attrs
 import pytest
 
 import beltdyn as bd
-from beltdyn import _core, histories
-from beltdyn.friction import LAWS
-from beltdyn.rules import rules_of
+from beltdyn import _core
+from beltdyn.drive.friction import LAWS
+from beltdyn.drive.rules import rules_of
+from beltdyn.outputs import histories
 
 PARTS: dict[str, type] = {
     **{"belt": bd.Belt, "pulley": bd.Pulley, "drag": bd.Drag, "arm": bd.Arm},

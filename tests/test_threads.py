@@ -19,8 +19,9 @@ import pytest
 from module_common import INF, TORQUE, drive, make_model, run, same_bits
 
 import beltdyn as bd
-from beltdyn import _core, stopping
-from beltdyn.errors import SimulationError
+from beltdyn import _core
+from beltdyn.base import stopping
+from beltdyn.result.errors import SimulationError
 
 LONG = 2000.0  # simulated seconds, more than any test gets to see
 PATIENCE = 60.0  # wall seconds after which what should have happened did not

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from laws import EXAMPLES as LAWS
 
 import beltdyn as bd
-from beltdyn.rules import rules_of
+from beltdyn.drive.rules import rules_of
 
 SCENE = """\
 t_end = 0.5

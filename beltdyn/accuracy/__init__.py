@@ -11,16 +11,16 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from ..accuracy_report import Accuracy, Expected, QuantityError
-from .quantities import QUANTITIES, Observed, differences, observe, with_links
+from ..outputs.accuracy_report import Accuracy, Expected, QuantityError
+from ..verification.quantities import QUANTITIES, Observed, differences, observe, with_links
 
 if TYPE_CHECKING:
-    from .rows import Row as Row
     from .studies import quick as quick
     from .studies import study as study
+    from .study_rows import Row as Row
+    from .study_table import Study as Study
     from .suggestion import Suggestion as Suggestion
     from .suggestion import suggest as suggest
-    from .table import Study as Study
 
 __all__ = [
     "QUANTITIES",
@@ -39,10 +39,10 @@ __all__ = [
     "with_links",
 ]
 
-#: Where to find what itself runs simulations, and so cannot be imported by :mod:`.simulation`.
+#: Where to find what few programs need: imported when it is first asked for.
 _LATE = {
-    "Row": "rows",
-    "Study": "table",
+    "Row": "study_rows",
+    "Study": "study_table",
     "Suggestion": "suggestion",
     "quick": "studies",
     "study": "studies",

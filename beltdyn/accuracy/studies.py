@@ -11,21 +11,21 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..checks import flag, integer, positive, real
-from ..errors import SimulationError
-from ..motions import in_core
-from ..params import Params
-from ..pools import Pool, as_pool
-from ..progress import counted
-from ..scene import Scene
-from ..simulation import settle, simulate
-from ..torques import Torque
-from .quantities import QUANTITIES, Observed, differences, with_links
+from ..base.checks import flag, integer, positive, real
+from ..drive.params import Params
+from ..drive.scene import Scene
+from ..loads.motions import in_core
+from ..loads.torques import Torque
+from ..many.pools import Pool, as_pool
+from ..result.errors import SimulationError
+from ..run.progress import counted
+from ..run.simulation import settle, simulate
+from ..verification.quantities import QUANTITIES, Observed, differences, with_links
+from ..verification.runs import Runs, whole_scene
+from ..verification.settings import METHODS, RTOLS, Setting, fewest, meshes
 from .records import Records, key_of
-from .rows import Row
-from .runs import Runs, whole_scene
-from .settings import METHODS, RTOLS, Setting, fewest, meshes
-from .table import Study
+from .study_rows import Row
+from .study_table import Study
 
 __all__ = ["quick", "study"]
 

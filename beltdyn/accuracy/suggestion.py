@@ -7,20 +7,20 @@ from typing import Any
 
 import attrs
 
-from .. import cells
-from ..accuracy_report import Expected
-from ..checks import positive
-from ..compliance import compliance_error
-from ..errors import SimulationError
-from ..params import Params
-from ..rounding import percent
-from ..scene import Scene
-from ..simulation import settle, simulate
-from .pilot import Forecast, Pilot
-from .quantities import with_links
-from .rows import quantity_of
-from .runs import Runs, whole_scene
-from .settings import Setting
+from ..base.checks import positive
+from ..base.rounding import percent
+from ..drive import cells
+from ..drive.compliance import compliance_error
+from ..drive.params import Params
+from ..drive.scene import Scene
+from ..outputs.accuracy_report import Expected
+from ..result.errors import SimulationError
+from ..run.simulation import settle, simulate
+from ..verification.pilot import Forecast, Pilot
+from ..verification.quantities import with_links
+from ..verification.runs import Runs, whole_scene
+from ..verification.settings import Setting
+from .study_rows import quantity_of
 
 __all__ = ["Suggestion", "suggest"]
 

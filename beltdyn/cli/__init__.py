@@ -8,9 +8,9 @@ warnings, one line each after the results, to stderr. Warnings do not change the
 from __future__ import annotations
 
 from .commands import main
-from .figures import draw_figures
-from .resuming import resume_run
-from .sweeping import sweep_scene
+from .figures_command import draw_figures
+from .resume_command import resume_run
+from .sweep_command import sweep_scene
 
 __all__ = ["main"]
 

@@ -10,17 +10,17 @@ import attrs
 import click
 
 from .. import __version__, accuracy, scenes
-from ..accuracy.quantities import QUANTITIES
-from ..checkpoints import Checkpoint, Fresh
-from ..checks import close_to
-from ..columns import columns
+from ..base.checks import close_to
+from ..base.columns import columns
+from ..base.run_warnings import silenced
+from ..drive.parts import CHOOSE, MESHES
+from ..drive.scene import Scene
 from ..explaining import explain
-from ..hard import SCENES as HARD
-from ..hard import HardScene
-from ..parts import CHOOSE, MESHES
-from ..run_warnings import silenced
-from ..scene import Scene
-from ..simulation import METHODS, simulate
+from ..run.checkpoints import Checkpoint, Fresh
+from ..run.simulation import METHODS, simulate
+from ..scenes.hard_scenes import SCENES as HARD
+from ..scenes.hard_scenes import HardScene
+from ..verification.quantities import QUANTITIES
 from .ending import BAD_INPUT, FAILED, Group, interruptible, reported, stop, warn
 from .printed import check_share, print_result, running, write
 from .written import Outputs, draw_layout, save_figure

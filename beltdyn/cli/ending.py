@@ -11,8 +11,8 @@ from typing import Any, NoReturn
 
 import click
 
-from ..errors import Interrupted, SimulationError
-from ..run_warnings import RunWarning
+from ..base.run_warnings import RunWarning
+from ..result.errors import Interrupted, SimulationError
 
 __all__ = [
     "BAD_INPUT",

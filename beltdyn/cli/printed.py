@@ -10,13 +10,13 @@ from pathlib import Path
 
 import click
 
-from .. import sanity
-from ..accuracy_report import Accuracy
-from ..errors import Interrupted, SimulationError
-from ..hard import HardScene
-from ..params import Params
-from ..result import Result
-from ..run_warnings import silenced
+from ..base.run_warnings import silenced
+from ..drive import sanity
+from ..drive.params import Params
+from ..outputs.accuracy_report import Accuracy
+from ..result.errors import Interrupted, SimulationError
+from ..result.result import Result
+from ..scenes.hard_scenes import HardScene
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
 from .written import Outputs
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from .. import files
-from ..exported import RESULTS, check_ending
-from ..params import Params
-from ..result import Result
+from ..base import files
+from ..drive.params import Params
+from ..result.exported import RESULTS, check_ending
+from ..result.result import Result
 from .ending import BAD_INPUT, FAILED, stop
 
 if TYPE_CHECKING:

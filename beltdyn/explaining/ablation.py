@@ -27,14 +27,14 @@ from itertools import pairwise
 import attrs
 import numpy as np
 
-from ..accuracy.quantities import observe
-from ..averages import time_weights
-from ..checks import Array
-from ..errors import SimulationError
-from ..result import Result
-from ..scene import Scene
+from ..base.checks import Array
+from ..drive.scene import Scene
+from ..outputs.averages import time_weights
+from ..result.errors import SimulationError
+from ..result.result import Result
+from ..verification.quantities import observe
 from .removals import Removal, leave_out, removals_of
-from .window import Timed
+from .run_length import Timed
 
 __all__ = [
     "ANSWERS",

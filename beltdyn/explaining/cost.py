@@ -9,7 +9,7 @@ from collections.abc import Callable
 import attrs
 
 from .. import _core
-from ..state import ROWS, SIZES
+from ..outputs.state import ROWS, SIZES
 
 __all__ = ["Pass", "StateSize", "Step", "size_of", "time_step"]
 

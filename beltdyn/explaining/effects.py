@@ -12,10 +12,10 @@ from typing import Any, NamedTuple
 import attrs
 
 from .. import _core
-from ..friction import Friction, Frictionless
-from ..motions import MotionLike, described
-from ..params import Params
-from ..rules import Printable, Rule
+from ..drive.friction import Friction, Frictionless
+from ..drive.params import Params
+from ..drive.rules import Printable, Rule
+from ..loads.motions import MotionLike, described
 
 __all__ = ["Effect", "Part", "effects_of", "parts_of"]
 

@@ -10,21 +10,21 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..checks import flag, one_of, positive
-from ..motions import MotionLike, as_motions, motion_terms
-from ..naming import ByPulley
-from ..params import Params
-from ..run_warnings import silenced
-from ..scene import Scene
-from ..simulation import METHODS
-from ..state import State
-from ..torques import TorqueLike, as_terms
+from ..base.checks import flag, one_of, positive
+from ..base.naming import ByPulley
+from ..base.run_warnings import silenced
+from ..drive.params import Params
+from ..drive.scene import Scene
+from ..loads.motions import MotionLike, as_motions, motion_terms
+from ..loads.torques import TorqueLike, as_terms
+from ..outputs.state import State
+from ..run.simulation import METHODS
 from .ablation import Ablation, Runs, ablate
 from .cost import Pass, StateSize, Step, size_of, time_step
 from .effects import Effect, effects_of
+from .explanation_text import text_of
 from .removals import Removal, leave_out, removals_of
-from .text import text_of
-from .window import Drive, Timed, Window, find_window
+from .run_length import Drive, Timed, Window, find_window
 
 __all__ = ["Explanation", "explain"]
 

@@ -13,15 +13,15 @@ from typing import Any, NamedTuple
 import attrs
 import numpy as np
 
-from .. import cells
-from ..balance import tension_held
-from ..friction import Dahl, ElasticPlastic, Friction, LuGre, MaxwellSlip
-from ..loads import Harmonics
-from ..motions import CrankMotion
-from ..mounts import Sprung
-from ..params import Params
-from ..scene import Scene
-from ..torques import TorqueLike, TorqueSum, Viscous
+from ..drive import cells
+from ..drive.balance import tension_held
+from ..drive.friction import Dahl, ElasticPlastic, Friction, LuGre, MaxwellSlip
+from ..drive.mounts import Sprung
+from ..drive.params import Params
+from ..drive.scene import Scene
+from ..loads.loads import Harmonics
+from ..loads.motions import CrankMotion
+from ..loads.torques import TorqueLike, TorqueSum, Viscous
 from .effects import Part, parts_of
 
 __all__ = ["Removal", "leave_out", "removals_of"]

@@ -6,10 +6,10 @@ Needs SciPy, which is imported when :func:`identify` is called.
 from __future__ import annotations
 
 from .experiment import Experiment, Target
+from .findings import Identification, IdentificationInterrupted, Sensitivity
 from .fit import identify
 from .free import Free
 from .linear import Combination
-from .report import Identification, IdentificationInterrupted, Sensitivity
 
 __all__ = [
     "Combination",

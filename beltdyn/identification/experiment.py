@@ -11,16 +11,16 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import Array, close_to, positive, real_array, refuse_masked, sample_times
-from ..histories import GROUPS, EnergyLedger
-from ..motions import MotionLike
-from ..naming import ByPulley
-from ..parameters import assign, parse, path_in
-from ..params import Params
-from ..result import Result
-from ..simulation import settle, simulate, speeds_at_start
-from ..state import State
-from ..torques import TorqueLike
+from ..base.checks import Array, close_to, positive, real_array, refuse_masked, sample_times
+from ..base.naming import ByPulley
+from ..drive.parameters import assign, parse, path_in
+from ..drive.params import Params
+from ..loads.motions import MotionLike
+from ..loads.torques import TorqueLike
+from ..outputs.histories import GROUPS, EnergyLedger
+from ..outputs.state import State
+from ..result.result import Result
+from ..run.simulation import settle, simulate, speeds_at_start
 
 __all__ = ["Experiment", "Read", "Target"]
 

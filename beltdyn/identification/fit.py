@@ -11,17 +11,17 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..accuracy.space import ASSUMED
-from ..checks import Array, flag, integer
-from ..params import Params
-from ..pools import as_pool
-from ..run_warnings import distinct, issue
+from ..base.checks import Array, flag, integer
+from ..base.run_warnings import distinct, issue
+from ..drive.params import Params
+from ..many.pools import as_pool
+from ..verification.space import ASSUMED
 from . import linear
 from .experiment import Target
+from .findings import Identification, IdentificationInterrupted
 from .free import Free, Parameter, resolve
 from .losses import cost_and_weights
 from .options import Options
-from .report import Identification, IdentificationInterrupted
 from .trials import Rig, Trial
 
 __all__ = ["identify"]

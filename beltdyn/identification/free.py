@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 import attrs
 import numpy as np
 
-from ..checks import Array, close_to, real
-from ..parameters import assign, numbers, overlap, parse, path_in, read, rule_of
-from ..params import Params
+from ..base.checks import Array, close_to, real
+from ..drive.parameters import assign, numbers, overlap, parse, path_in, read, rule_of
+from ..drive.params import Params
 
 __all__ = ["Free", "Parameter", "place", "resolve"]
 

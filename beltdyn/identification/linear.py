@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import attrs
 import numpy as np
 
-from ..checks import Array
+from ..base.checks import Array
 
 __all__ = ["Combination", "combinations", "correlation", "covariance", "leverage"]
 

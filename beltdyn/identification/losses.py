@@ -6,7 +6,7 @@ from importlib import import_module
 
 import numpy as np
 
-from ..checks import Array
+from ..base.checks import Array
 
 __all__ = ["LOSSES", "cost_and_weights"]
 

@@ -7,10 +7,10 @@ from typing import Self
 
 import attrs
 
-from ..checks import one_of, pair, positive, real
+from ..base.checks import one_of, pair, positive, real
+from .findings import confidence_of
 from .free import Parameter
 from .losses import LOSSES
-from .report import confidence_of
 
 __all__ = ["Options"]
 

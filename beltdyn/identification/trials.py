@@ -8,17 +8,17 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..accuracy.quantities import with_links
-from ..checks import Array
-from ..errors import SimulationError
-from ..histories import GROUPS
-from ..parameters import read
-from ..params import Params
-from ..pools import Pool
-from ..result import Result
-from ..run_warnings import silenced
-from ..simulation import simulate
-from ..state import State
+from ..base.checks import Array
+from ..base.run_warnings import silenced
+from ..drive.parameters import read
+from ..drive.params import Params
+from ..many.pools import Pool
+from ..outputs.histories import GROUPS
+from ..outputs.state import State
+from ..result.errors import SimulationError
+from ..result.result import Result
+from ..run.simulation import simulate
+from ..verification.quantities import with_links
 from .experiment import Experiment, Target
 from .free import Parameter, place
 

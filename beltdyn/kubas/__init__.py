@@ -10,7 +10,7 @@ package uses the library; the paper's drives are scenes there (:func:`beltdyn.sc
 """
 
 from .cases import LINKS, Runs, runs
-from .rows import QUANTITIES, Links, Quantity
+from .paper_numbers import QUANTITIES, Links, Quantity
 from .table import Comparison, Line, compare
 
 __all__ = [

@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import scenes
-from ..result import Result
-from ..run_warnings import distinct, issue, silenced
-from ..simulation import simulate
-from .rows import Links
+from ..base.run_warnings import distinct, issue, silenced
+from ..result.result import Result
+from ..run.simulation import simulate
+from .paper_numbers import Links
 
 __all__ = ["LINKS", "RAMP_END", "REVERSALS", "SOFT_SIGMA", "Runs", "runs"]
 
 #: End of the ramp of the driving torque in case 1, its two reversals in case 2 [s].
 RAMP_END, REVERSALS = 0.3, (0.25, 0.75)
 
-#: Samples of a run, 0.5 ms apart: :func:`beltdyn.kubas.rows.read` needs 2 ms.
+#: Samples of a run, 0.5 ms apart: :func:`beltdyn.kubas.paper_numbers.read` needs 2 ms.
 _SAMPLES = 2001
 #: The smaller of the two values of sigma that the paper compares [1/m].
 SOFT_SIGMA = 5e3

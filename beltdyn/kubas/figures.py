@@ -19,7 +19,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..checks import one_of
+from ..base.checks import one_of
 from ..plot import (
     contact_forces,
     drive,
@@ -32,10 +32,10 @@ from ..plot import (
     torques,
 )
 from ..plot.style import COLOURS, new_figure
-from ..result import Result
+from ..result.result import Result
 from .cases import LINKS, RAMP_END, REVERSALS, Runs
 from .marks import BAND, INK, LINE, Marks, legend_entry, number
-from .rows import QUANTITIES, Links, dahl
+from .paper_numbers import QUANTITIES, Links, dahl
 
 __all__ = ["FIGURES", "SIZES", "PaperFigure", "Size", "figure"]
 

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.patches import Patch
 
-from .rows import Quantity
+from .paper_numbers import Quantity
 
 __all__ = ["BAND", "INK", "LINE", "PAPER", "Marks", "legend_entry", "number"]
 

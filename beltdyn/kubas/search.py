@@ -19,19 +19,29 @@ import attrs
 import numpy as np
 
 from .. import scenes
-from ..checks import Array
-from ..errors import SimulationError
-from ..friction import Dahl
+from ..base.checks import Array
+from ..base.run_warnings import silenced
+from ..drive.friction import Dahl
+from ..drive.params import Params
+from ..drive.parts import Belt, Contact, Pulley
+from ..drive.tensioning import Tensioning
 from ..identification.experiment import Experiment, Target
+from ..identification.findings import Identification
 from ..identification.free import Free, place, resolve
-from ..identification.report import Identification
-from ..params import Params
-from ..parts import Belt, Contact, Pulley
-from ..result import Result
-from ..run_warnings import silenced
-from ..simulation import settle, simulate
-from ..tensioning import Tensioning
-from .rows import QUANTITIES, Links, best_links, candidates, cost, demands, misfit, read, residuals
+from ..result.errors import SimulationError
+from ..result.result import Result
+from ..run.simulation import settle, simulate
+from .paper_numbers import (
+    QUANTITIES,
+    Links,
+    best_links,
+    candidates,
+    cost,
+    demands,
+    misfit,
+    read,
+    residuals,
+)
 
 __all__ = [
     "BEGIN",

@@ -1,7 +1,7 @@
 """The paper's numbers and ours side by side.
 
-Rows 1 to 13 are those of :mod:`beltdyn.kubas.rows`. Added here: row 0, that every run starts from
-rest, and row 14, the effect of a smaller sigma.
+Rows 1 to 13 are those of :mod:`beltdyn.kubas.paper_numbers`. Added here: row 0, that every run
+starts from rest, and row 14, the effect of a smaller sigma.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from html import escape
 import attrs
 import numpy as np
 
-from ..columns import columns
-from ..result import Result
+from ..base.columns import columns
+from ..result.result import Result
 from .cases import LINKS, REVERSALS, SOFT_SIGMA, Runs
-from .rows import QUANTITIES, Links, Quantity, dahl, read
+from .paper_numbers import QUANTITIES, Links, Quantity, dahl, read
 
 __all__ = ["Comparison", "Line", "compare"]
 

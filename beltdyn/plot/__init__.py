@@ -37,15 +37,15 @@ except ImportError:
 
 from .animation import Animation, animate
 from .belt import drive, force_along_belt
-from .figures import overview
-from .friction import contact_forces, friction_coefficient, relative_velocity
+from .belt_line import arcs, tension_along
+from .contact import contact_forces, friction_coefficient, relative_velocity
 from .history import joint_deformation, joint_force, span_tensions, speeds, torques
 from .layout import layout
 from .ledger import energy
-from .modes import animate_mode, frequency_response, mode
+from .mode_shapes import animate_mode, frequency_response, mode
 from .mounting import travel
-from .places import arcs, tension_along
-from .spectrum import campbell, spectrum
+from .panels import overview
+from .spectrum_lines import campbell, spectrum
 from .sweep_lines import lines
 from .sweep_map import map
 

@@ -27,9 +27,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from .. import files
-from ..checks import positive
-from ..result import Result
+from ..base import files
+from ..base.checks import positive
+from ..result.result import Result
 from . import style
 from .history import span_tensions, speeds
 from .picture import DrivePicture

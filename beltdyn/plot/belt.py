@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..checks import integer
-from ..result import Result
+from ..base.checks import integer
+from ..result.result import Result
 from . import style
 from .labels import rows_of_names
 from .picture import DrivePicture

@@ -7,9 +7,9 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from ..checks import Array
-from ..naming import span_name
-from ..result import Result
+from ..base.checks import Array
+from ..base.naming import span_name
+from ..result.result import Result
 from . import style
 from .select import Indices, Pulleys, indices, pulley_indices, with_samples
 

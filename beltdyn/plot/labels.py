@@ -11,7 +11,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox, ScaledTranslation
 
-from ..checks import Array
+from ..base.checks import Array
 from . import style
 
 __all__ = ["per_unit", "place_names", "rows_of_names"]

@@ -10,10 +10,10 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
-from ..checks import Array
-from ..params import Params
-from ..parts import Pulley, as_pulleys
-from ..route import route
+from ..base.checks import Array
+from ..drive.params import Params
+from ..drive.parts import Pulley, as_pulleys
+from ..drive.route import route
 from . import style
 from .labels import place_names
 from .mounting import MountPicture

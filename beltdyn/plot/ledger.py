@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..result import Result
+from ..result.result import Result
 from . import style
 from .select import with_samples
 

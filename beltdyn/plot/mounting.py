@@ -9,9 +9,9 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
-from ..checks import Array
-from ..parts import Pulley
-from ..result import Result
+from ..base.checks import Array
+from ..drive.parts import Pulley
+from ..result.result import Result
 from . import style
 
 __all__ = ["MountPicture", "travel"]

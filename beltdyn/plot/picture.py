@@ -16,11 +16,11 @@ from matplotlib.patches import Circle, FancyArrowPatch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from ..arcs import full_friction
-from ..checks import Array, pair, real
-from ..places import follow
-from ..result import Result
-from ..spans import has_angles, lines_of_cells
+from ..base.checks import Array, pair, real
+from ..outputs.arcs import full_friction
+from ..outputs.places import follow
+from ..outputs.spans import has_angles, lines_of_cells
+from ..result.result import Result
 from . import style
 from .labels import per_unit, place_names
 from .mounting import MountPicture

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from ..checks import integer, real
-from ..naming import index_of
-from ..result import Result
+from ..base.checks import integer, real
+from ..base.naming import index_of
+from ..result.result import Result
 
 __all__ = [
     "Indices",

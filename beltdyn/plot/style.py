@@ -15,8 +15,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import LayoutEngine
 from matplotlib.transforms import Bbox, ScaledTranslation
 
-from ..checks import Array
-from ..parts import Pulley
+from ..base.checks import Array
+from ..drive.parts import Pulley
 
 __all__ = [
     "COLOURS",

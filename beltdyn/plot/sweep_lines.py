@@ -14,7 +14,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from ..checks import Array, close_to, shown
+from ..base.checks import Array, close_to, shown
 from . import style, swept
 
 __all__ = ["lines"]

@@ -15,7 +15,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
-from ..checks import close_to, integer, real_array, shown
+from ..base.checks import close_to, integer, real_array, shown
 from . import style, swept
 
 __all__ = ["map"]

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..checks import Array, close_to, shown
-from ..optional import optional_module
+from ..base.checks import Array, close_to, shown
+from ..base.optional import optional_module
 from . import style
 
 __all__ = [

@@ -6,10 +6,10 @@ import math
 import textwrap
 from collections.abc import Iterator
 
-from ..columns import columns
-from ..html import paragraphs
-from ..mounts import KINDS
-from ..rounding import rounded
+from ..base.columns import columns
+from ..base.html import paragraphs
+from ..base.rounding import rounded
+from ..drive.mounts import KINDS
 from . import digits, text
 from .digits import (
     NONE,

@@ -24,7 +24,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..checks import Array
+from ..base.checks import Array
 from .rows import Creep
 from .slipping import friction_limits
 from .touching import Touching

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import Array
-from ..places import follow
+from ..base.checks import Array
+from ..outputs.places import follow
 from .rows import Cycle
 from .window import Window
 

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accuracy_report import Accuracy
-from ..checks import Array
-from ..mounts import KINDS
-from ..rounding import rounded
+from ..base.checks import Array
+from ..base.rounding import rounded
+from ..drive.mounts import KINDS
+from ..outputs.accuracy_report import Accuracy
 from .rows import RESIDUAL, Creep, MountRow, PulleyRow, SpanRow, Spread, Told
 
 __all__ = [

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import attrs
 
-from ..mounts import KINDS
+from ..drive.mounts import KINDS
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, SpanRow, Spread, Told
 
 __all__ = ["Number", "numbers", "quantities"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import attrs
 import numpy as np
 
-from ..checks import Array
-from ..places import routes
-from ..spans import Coordinates, mid_span, of_spans
-from ..spectra.sources import belt_turning
+from ..base.checks import Array
+from ..outputs.orders import belt_turning
+from ..outputs.places import routes
+from ..outputs.spans import Coordinates, mid_span, of_spans
 from .pulleys import spread
 from .rows import PulleyRow
 from .window import Window, missing

@@ -7,8 +7,8 @@ import math
 import attrs
 import numpy as np
 
-from ..averages import LAST
-from ..checks import integer, share_of_run
+from ..base.checks import integer, share_of_run
+from ..outputs.averages import LAST
 from .creep import creep_rows, driving, least_speed
 from .cycles import cycle_rows
 from .hubs import hub_statics, with_hub_loads
@@ -17,7 +17,7 @@ from .powers import power_rows
 from .pulleys import pulley_rows, spread
 from .report import Report
 from .rows import Creep, PulleyRow, Rows, Spread
-from .spans import span_rows
+from .span_rows import span_rows
 from .touching import NEEDED, Touching, touching
 from .window import OF_ARCS, Run, Window, missing
 

@@ -25,11 +25,11 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..checks import Array
-from ..compliance import depth_under
-from ..mounts import Sprung
-from ..params import Params
-from ..route import Route, route_at
+from ..base.checks import Array
+from ..drive.compliance import depth_under
+from ..drive.mounts import Sprung
+from ..drive.params import Params
+from ..drive.route import Route, route_at
 
 __all__ = ["FullSlip", "Steady", "full_slip"]
 

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import Array
-from ..mounts import Path, Sprung
+from ..base.checks import Array
+from ..drive.mounts import Path, Sprung
 from .pulleys import spread
 from .rows import MountRow, Spread
-from .spans import dominant, uneven
+from .span_rows import dominant, uneven
 from .window import Window
 
 __all__ = ["mount_rows"]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import _core, sanity
-from ..rounding import percent
+from .. import _core
+from ..base.rounding import percent
+from ..drive import sanity
 from .digits import number
 from .rows import RESIDUAL, Power
 from .touching import Touching

@@ -8,8 +8,8 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..checks import Array
-from ..couplings import OverrunningClutch
+from ..base.checks import Array
+from ..drive.couplings import OverrunningClutch
 from .rows import PulleyRow, Spread
 from .slipping import slip_rows
 from .touching import Touching
@@ -137,7 +137,7 @@ def _contact(window: Window, touching: Touching, k: int) -> dict[str, Any]:
 
 
 def _arcs(window: Window, k: int) -> dict[str, Any]:
-    """Give wrap and slip of a pulley: the share that slips, by :class:`beltdyn.arcs.Arcs`."""
+    """Give wrap and slip of a pulley: the share that slips, by :class:`beltdyn.Arcs`."""
     params, way = window.params, window.route()
     found: dict[str, Any] = {}
     if way is not None:

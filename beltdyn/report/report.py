@@ -8,7 +8,7 @@ from typing import Any
 
 import attrs
 
-from ..checks import flag
+from ..base.checks import flag
 from . import brief, flat, text
 from .rows import Told
 

@@ -8,8 +8,8 @@ from typing import Any, Generic, TypeVar, overload
 
 import attrs
 
-from ..accuracy_report import Accuracy
-from ..run_warnings import RunWarning
+from ..base.run_warnings import RunWarning
+from ..outputs.accuracy_report import Accuracy
 
 __all__ = [
     "RESIDUAL",
@@ -64,7 +64,7 @@ class PulleyRow:
         slip_arc: Part of it where friction is within 5 % of its limit, mean [rad].
         slip_error: Its error: a quarter of a link, and what links that land may have taken from it
             where the belt creeps back (``Arcs.returning``), to a factor of three [rad].
-        slip_share: The arc over the wrap, from links in contact (:class:`beltdyn.arcs.Arcs`) [1].
+        slip_share: The arc over the wrap, from links in contact (:class:`beltdyn.Arcs`) [1].
         slip_range: Least and largest of it, without what links do that pass.
         tight: Mean tension of the tighter of its two spans, less rho v^2 [N].
         slack: The same of the other one [N].

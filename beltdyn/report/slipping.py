@@ -13,9 +13,9 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arcs import in_slip
-from ..checks import Array
-from ..gross_slip import durations
+from ..base.checks import Array
+from ..outputs.arcs import in_slip
+from ..outputs.gross_slip import durations
 from .margin import FullSlip, Steady, full_slip
 from .rows import PulleyRow, Spread
 from .touching import Touching

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from .. import _core
-from ..columns import columns, widths
-from ..html import paragraphs, table_of
-from ..mounts import KINDS
+from ..base.columns import columns, widths
+from ..base.html import paragraphs, table_of
+from ..drive.mounts import KINDS
 from . import digits
 from .cycles import CLASSES
 from .digits import (

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
-from ..arcs import contact_points
-from ..checks import Array
-from ..compliance import running_radius
-from ..gross_slip import GrossSlip, gross_slip
+from ..base.checks import Array
+from ..drive.compliance import running_radius
+from ..outputs.arcs import contact_points
+from ..outputs.gross_slip import GrossSlip, gross_slip
 from .window import Window, missing
 
 __all__ = ["NEEDED", "Touching", "touching"]

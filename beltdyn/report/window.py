@@ -10,11 +10,14 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..accuracy_report import Accuracy
-from ..arcs import Arcs, arcs_of
-from ..averages import mean_over, time_weights
-from ..checks import Array
-from ..histories import (
+from ..base.checks import Array
+from ..base.run_warnings import RunWarning
+from ..drive.params import Params
+from ..drive.route import Route, route_at
+from ..outputs.accuracy_report import Accuracy
+from ..outputs.arcs import Arcs, arcs_of
+from ..outputs.averages import mean_over, time_weights
+from ..outputs.histories import (
     BeltHistory,
     ContactHistory,
     CouplingHistory,
@@ -22,11 +25,8 @@ from ..histories import (
     JointHistory,
     MountHistory,
 )
-from ..outputs import lacking
-from ..params import Params
-from ..route import Route, route_at
-from ..run_warnings import RunWarning
-from ..spectra.sources import Sampled
+from ..outputs.orders import Sampled
+from ..outputs.selection import lacking
 
 __all__ = ["OF_ARCS", "Run", "Window", "missing"]
 

@@ -11,9 +11,9 @@ Needs SciPy, imported when it is used.
 
 from __future__ import annotations
 
-from .fourier import amplitude_spectrum, even_step, folded, spectrogram
+from ..outputs.orders import Source, belt_rate, folded, sources
+from .fourier import amplitude_spectrum, even_step, spectrogram
 from .signals import Signal, signal
-from .sources import Source, belt_rate, sources
 from .spectrum import Line, Spectrogram, Spectrum, spectrum, speed_spectra
 
 __all__ = [

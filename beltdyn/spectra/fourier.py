@@ -1,15 +1,13 @@
-"""Fourier spectra of samples: amplitudes, over short times, what sampling folds."""
+"""Fourier spectra of samples: amplitudes, also over short times."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from ..checks import Array, real
-from ..optional import scipy_module
+from ..base.checks import Array, real
+from ..base.optional import scipy_module
 
-__all__ = ["amplitude_spectrum", "even_step", "folded", "spectrogram"]
+__all__ = ["amplitude_spectrum", "even_step", "spectrogram"]
 
 #: Fewer samples have no spectrum worth the name.
 _FEWEST = 16
@@ -39,14 +37,6 @@ def even_step(t: Array) -> float:
             "t_eval=np.linspace(begin, end, n)"
         )
     return mean
-
-
-def folded(frequency: Any, rate: float) -> Any:
-    """Give where a frequency [Hz] appears in samples taken at ``rate`` [Hz].
-
-    Itself up to half the rate, above that mirrored back into 0 ... rate / 2 (aliasing).
-    """
-    return np.abs(frequency - rate * np.round(np.asarray(frequency) / rate))
 
 
 def amplitude_spectrum(

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import attrs
 import numpy as np
 
-from ..checks import Array, close_to, shown
-from ..labelled import described, dimensions, mount_kinds, places
-from ..mounts import KINDS
-from ..naming import index_of, span_name
-from ..outputs import array_names
-
-if TYPE_CHECKING:
-    from ..result import Result  # imports the report, which imports this
+from ..base.checks import Array, close_to, shown
+from ..base.naming import index_of, span_name
+from ..drive.mounts import KINDS
+from ..outputs.selection import array_names
+from ..result.labelled import described, dimensions, mount_kinds, places
+from ..result.result import Result
 
 __all__ = ["Signal", "signal"]
 

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import attrs
 import numpy as np
 
-from ..checks import Array, integer, positive, share_of_run
-from ..naming import index_of
-from ..optional import scipy_module
-from ..rounding import percent
-from .fourier import amplitude_spectrum, even_step, folded, spectrogram
+from ..base.checks import Array, integer, positive, share_of_run
+from ..base.naming import index_of
+from ..base.optional import scipy_module
+from ..base.rounding import percent
+from ..outputs.orders import HARMONICS, NEAR, Source, belt_turning, folded, lines_at, sources
+from ..result.result import Result
+from .fourier import amplitude_spectrum, even_step, spectrogram
 from .signals import signal
-from .sources import HARMONICS, NEAR, Source, belt_turning, lines_at, sources
-
-if TYPE_CHECKING:
-    from ..result import Result  # imports the report, which imports this
 
 __all__ = ["Line", "Spectrogram", "Spectrum", "spectrum", "speed_spectra"]
 

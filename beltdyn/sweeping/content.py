@@ -19,11 +19,11 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..motions import Motion, as_motions
-from ..naming import index_of
-from ..scene import Scene
-from ..simulation import simulate
-from ..torques import TorqueSum
+from ..base.naming import index_of
+from ..drive.scene import Scene
+from ..loads.motions import Motion, as_motions
+from ..loads.torques import TorqueSum
+from ..run.simulation import simulate
 from .identity import token
 from .names import OPTIONS, find
 

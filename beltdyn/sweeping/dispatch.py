@@ -9,10 +9,10 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import suppress
 from typing import Any
 
-from ..checks import Array
-from ..pools import Pool, as_bytes
-from ..stopping import without_ctrl_c
-from .rows import Outcome
+from ..base.checks import Array
+from ..base.stopping import without_ctrl_c
+from ..many.pools import Pool, as_bytes
+from .outcomes import Outcome
 from .work import Batch, Job, Work, run_batch
 
 __all__ = ["ATTEMPTS", "Dispatch"]

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import attrs
 import numpy as np
 
-from ..checks import Array
-from ..optional import optional_module
+from ..base.checks import Array
+from ..base.optional import optional_module
 
 __all__ = ["Design", "Indices", "by_groups", "by_runs"]
 

@@ -31,13 +31,14 @@ from typing import Any
 import attrs
 import numpy as np
 
-from .. import scenes, toml
-from ..checks import close_to, integer, one_of, real, shown
-from ..friction import Friction
-from ..mounts import Mount
-from ..optional import scipy_module
-from ..scene import Scene
-from ..torques import Torque, TorqueSum
+from .. import scenes
+from ..base.checks import close_to, integer, one_of, real, shown
+from ..base.optional import scipy_module
+from ..drive import toml
+from ..drive.friction import Friction
+from ..drive.mounts import Mount
+from ..drive.scene import Scene
+from ..loads.torques import Torque, TorqueSum
 from .sampling import sample
 
 __all__ = ["SweepFile", "read"]

@@ -10,14 +10,14 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..checks import Array, close_to, share_of_run
-from ..histories import Stats, absent_groups
-from ..labelled import described, dimensions, places, unit_of_mounts
-from ..params import Params
+from ..base.checks import Array, close_to, share_of_run
+from ..drive.params import Params
+from ..outputs.histories import Stats, absent_groups
 from ..report import flat, make_report
 from ..report.window import Window
-from ..result import Result
-from .rows import Axis, Layout, Quantity, packed
+from ..result.labelled import described, dimensions, places, unit_of_mounts
+from ..result.result import Result
+from .outcomes import Axis, Layout, Quantity, packed
 
 __all__ = ["DEFAULT", "Measure", "as_measure"]
 

@@ -1,9 +1,9 @@
 """Names of what a sweep changes: numbers of the drive, loads, motions, options of the run.
 
-``"belt.preload"`` and all others of :mod:`beltdyn.parameters`; ``"torque.scale"``, a factor on all
-set torques; ``"torque[1].quadratic"``, a field of the second torque of a sum, as [[torque]] of a
-scene file counts them; ``"motion[crank].scale"``, ``"motion[crank].amplitudes[0]"``; ``"t_end"``;
-``"rtol"`` and other arguments of :func:`beltdyn.simulate`.
+``"belt.preload"`` and all others of :mod:`beltdyn.drive.parameters`; ``"torque.scale"``, a factor
+on all set torques; ``"torque[1].quadratic"``, a field of the second torque of a sum, as [[torque]]
+of a scene file counts them; ``"motion[crank].scale"``, ``"motion[crank].amplitudes[0]"``;
+``"t_end"``; ``"rtol"`` and other arguments of :func:`beltdyn.simulate`.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 import attrs
 import numpy as np
 
-from ..checks import close_to, real, shown
-from ..motions import CrankMotion, Motion, MotionLike, as_motions
-from ..naming import label
-from ..parameters import Path, assign, fields, numbers, parse, read, rule_of, with_indices
-from ..scene import Scene
-from ..torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum
+from ..base.checks import close_to, real, shown
+from ..base.naming import label
+from ..drive.parameters import Path, assign, fields, numbers, parse, read, rule_of, with_indices
+from ..drive.scene import Scene
+from ..loads.motions import CrankMotion, Motion, MotionLike, as_motions
+from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum
 
 __all__ = ["OPTIONS", "Named", "ScaledFunction", "changed", "find", "in_words"]
 

@@ -10,7 +10,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..checks import one_of
+from ..base.checks import one_of
 from .sampling import Samples
 
 __all__ = ["RUN", "Points", "as_points"]

@@ -8,9 +8,9 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..checks import Array, flag, integer, one_of, pair, shown
-from ..columns import columns
-from ..optional import optional_module
+from ..base.checks import Array, flag, integer, one_of, pair, shown
+from ..base.columns import columns
+from ..base.optional import optional_module
 
 __all__ = ["METHODS", "Samples", "sample"]
 

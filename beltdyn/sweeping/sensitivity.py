@@ -10,9 +10,9 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..checks import Array, close_to, integer, real, shown
-from ..columns import columns
-from ..optional import optional_module
+from ..base.checks import Array, close_to, integer, real, shown
+from ..base.columns import columns
+from ..base.optional import optional_module
 from .estimators import CONSTANT, Design, Indices, by_groups, by_runs
 from .sampling import METHODS
 

@@ -27,11 +27,11 @@ from typing import Any
 
 import numpy as np
 
-from .. import files
-from ..exported import write_netcdf
-from ..optional import optional_module
-from ..stopping import without_ctrl_c
-from .rows import NOTHING, Axis, Layout, Outcome, Quantity
+from ..base import files
+from ..base.optional import optional_module
+from ..base.stopping import without_ctrl_c
+from ..result.exported import write_netcdf
+from .outcomes import NOTHING, Axis, Layout, Outcome, Quantity
 
 __all__ = ["Store"]
 

@@ -9,25 +9,25 @@ from contextlib import nullcontext, suppress
 from typing import Any, NamedTuple
 
 from .. import _core, scenes
-from ..checks import close_to, flag, positive
-from ..motions import as_motions, in_core
-from ..optional import optional_module
-from ..parameters import overlap
-from ..params import Params
-from ..pools import Pool, as_pool
-from ..progress import counted
-from ..scene import Scene
-from ..stopping import without_ctrl_c
-from ..torques import Torque, as_terms
+from ..base.checks import close_to, flag, positive
+from ..base.optional import optional_module
+from ..base.stopping import without_ctrl_c
+from ..drive.parameters import overlap
+from ..drive.params import Params
+from ..drive.scene import Scene
+from ..loads.motions import as_motions, in_core
+from ..loads.torques import Torque, as_terms
+from ..many.pools import Pool, as_pool
+from ..run.progress import counted
 from .content import Contents
+from .dataset import Table
 from .dispatch import Dispatch
 from .identity import NoKeyError, token
 from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
+from .outcomes import Outcome, in_text
 from .points import RUN, Points, as_json, as_points
-from .rows import Outcome, in_text
 from .store import Store
-from .table import Table
 from .work import Job
 
 __all__ = ["SweepInterrupted", "Swept", "run_sweep", "sweep"]

@@ -16,18 +16,18 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..checks import Array
-from ..errors import SimulationError
-from ..params import Params
-from ..result import Result
-from ..run_warnings import RunWarning, silenced
-from ..scene import Scene
-from ..simulation import settle, simulate, speeds_at_start
-from ..state import State
+from ..base.checks import Array
+from ..base.run_warnings import RunWarning, silenced
+from ..drive.params import Params
+from ..drive.scene import Scene
+from ..outputs.state import State
+from ..result.errors import SimulationError
+from ..result.result import Result
+from ..run.simulation import settle, simulate, speeds_at_start
 from .identity import NoKeyError, token
 from .measure import Measure
 from .names import changed, find
-from .rows import Outcome
+from .outcomes import Outcome
 
 __all__ = ["Batch", "Job", "Work", "run_batch"]
 

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from .linear import Linear, scipy_sparse
+from .linearised import Linear, scipy_sparse
 
 __all__ = ["count", "counted"]
 

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import Array
-from ..errors import SimulationError
-from ..params import Params
-from ..run_warnings import silenced
-from ..simulation import simulate
-from ..state import State
-from ..torques import PiecewiseLinear, TorqueLike
-from .linear import passing_of
+from ..base.checks import Array
+from ..base.run_warnings import silenced
+from ..drive.params import Params
+from ..loads.torques import PiecewiseLinear, TorqueLike
+from ..outputs.state import State
+from ..result.errors import SimulationError
+from ..run.simulation import simulate
+from .linearised import passing_of
 from .torque_slopes import torques_at
 
 __all__ = ["imbalance"]

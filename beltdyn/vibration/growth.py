@@ -1,19 +1,19 @@
 """Motions that grow without oscillating, or while they hardly do.
 
-The search for modes (:mod:`.search`) sees what lies round the imaginary axis, growing or decaying.
-What lies nearer to the positive real axis than some 12 degrees it does not see. Searched for that
-are discs round real shifts s of the radius 0.9 s, between them all that lies within 64 degrees of
-the axis, from the slowest rate of the band to its end. Friction, contact and dampers, of which the
-clusters of eigenvalues are made, lie at 0 and on the other side.
+The search for modes (:mod:`.eigenvalues`) sees what lies round the imaginary axis, growing or
+decaying. What lies nearer to the positive real axis than some 12 degrees it does not see. Searched
+for that are discs round real shifts s of the radius 0.9 s, between them all that lies within 64
+degrees of the axis, from the slowest rate of the band to its end. Friction, contact and dampers, of
+which the clusters of eigenvalues are made, lie at 0 and on the other side.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from .linear import Linear
+from .eigenvalues import SAME, Found, _disc
+from .linearised import Linear
 from .participation import steady_share
-from .search import SAME, Found, _disc
 from .turning import rigid_rates, turning_of
 
 __all__ = ["growing"]

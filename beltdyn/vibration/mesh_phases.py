@@ -22,13 +22,13 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..checks import Array
-from ..params import Params
-from ..simulation import simulate
-from ..state import State
-from ..torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, Viscous
-from .linear import LINK_FIELDS, Linear, linearise, passing_of, scipy_sparse
-from .search import first_rate
+from ..base.checks import Array
+from ..drive.params import Params
+from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, Viscous
+from ..outputs.state import State
+from ..run.simulation import simulate
+from .eigenvalues import first_rate
+from .linearised import LINK_FIELDS, Linear, linearise, passing_of, scipy_sparse
 from .torque_slopes import balancing
 
 __all__ = ["linearise_over", "states_over"]

@@ -7,12 +7,12 @@ import textwrap
 import attrs
 import numpy as np
 
-from .. import html
-from ..checks import Array
-from ..params import Params
-from ..rounding import percent
-from ..state import State
-from .linear import Complex
+from ..base import html
+from ..base.checks import Array
+from ..base.rounding import percent
+from ..drive.params import Params
+from ..outputs.state import State
+from .linearised import Complex
 from .participation import Participation
 
 __all__ = ["Modes", "Shapes"]

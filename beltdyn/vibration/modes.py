@@ -7,21 +7,21 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..checks import Array, flag, integer, positive
-from ..naming import ByPulley, by_index
-from ..params import Params
-from ..rounding import percent
-from ..run_warnings import BeltdynWarning
-from ..state import State
-from ..torques import TorqueLike
+from ..base.checks import Array, flag, integer, positive
+from ..base.naming import ByPulley, by_index
+from ..base.rounding import percent
+from ..base.run_warnings import BeltdynWarning
+from ..drive.params import Params
+from ..loads.torques import TorqueLike
+from ..outputs.state import State
 from . import participation as parts
 from .count import counted
+from .eigenvalues import Found, residuals, search
 from .equilibrium import imbalance
 from .growth import growing
-from .linear import Complex, Linear, linearise, passing_of
+from .linearised import Complex, Linear, linearise, passing_of
 from .mesh_phases import linearise_over, states_over
 from .mode_set import Modes, Shapes
-from .search import Found, residuals, search
 from .torque_slopes import torque_slopes
 from .turning import turning_of
 
@@ -181,7 +181,7 @@ def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> N
 def _lowest(
     linear: Linear, n: int, most: float, check: bool = False
 ) -> tuple[Found, Found, tuple[float, float], complex | None, int]:
-    """Find the lowest n modes: see :func:`.search.search`, :func:`_without_turning`."""
+    """Find the lowest n modes: see :func:`.eigenvalues.search`, :func:`_without_turning`."""
     sought = n + (1 if not check else SPARE)
     while True:
         found, still, band, complete = search(linear, sought, most)

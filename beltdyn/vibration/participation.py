@@ -15,14 +15,14 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import Array
-from ..labelled import mount_kinds
-from ..mounts import KINDS
-from ..naming import span_name
-from ..params import Params
-from ..route import route_at
-from ..spans import has_angles
-from .linear import Complex, Linear
+from ..base.checks import Array
+from ..base.naming import span_name
+from ..drive.mounts import KINDS
+from ..drive.params import Params
+from ..drive.route import route_at
+from ..outputs.spans import has_angles
+from ..result.labelled import mount_kinds
+from .linearised import Complex, Linear
 
 __all__ = [
     "Participation",

@@ -11,14 +11,14 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..checks import Array, integer, real_array, shown
-from ..naming import ByPulley, PulleyLike, by_index, key
-from ..params import Params
-from ..run_warnings import BeltdynWarning
-from ..spans import span_tension
-from ..state import State
-from ..torques import TorqueLike
-from .linear import Complex, Linear, scipy_sparse
+from ..base.checks import Array, integer, real_array, shown
+from ..base.naming import ByPulley, PulleyLike, by_index, key
+from ..base.run_warnings import BeltdynWarning
+from ..drive.params import Params
+from ..loads.torques import TorqueLike
+from ..outputs.spans import span_tension
+from ..outputs.state import State
+from .linearised import Complex, Linear, scipy_sparse
 from .modes import check_drive, linear_drive
 from .participation import moves
 from .turning import mesh_stiffness

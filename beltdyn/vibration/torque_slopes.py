@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from .. import _core
-from ..checks import Array
-from ..params import Params
-from ..state import State
-from ..torques import TorqueLike, as_terms
+from ..base.checks import Array
+from ..drive.params import Params
+from ..loads.torques import TorqueLike, as_terms
+from ..outputs.state import State
 
 __all__ = ["balancing", "torque_slopes", "torques_at"]
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..checks import Array
-from .linear import Complex, Linear, scipy_sparse
+from ..base.checks import Array
+from .eigenvalues import first_rate
+from .linearised import Complex, Linear, scipy_sparse
 from .participation import weighted
-from .search import first_rate
 
 __all__ = ["mesh_stiffness", "rigid_rates", "rigid_share", "rigid_turning", "turning_of"]
 

@@ -19,7 +19,7 @@ static PyObject *message_of(int code, const bd_error *err) {
 
 static void raise_simulation_error(int code, const bd_error *err, PyObject *message) {
   PyObject *class = NULL, *arguments = NULL, *keywords = NULL, *error = NULL;
-  PyObject *module = PyImport_ImportModule("beltdyn.errors");
+  PyObject *module = PyImport_ImportModule("beltdyn.result.errors");
   if (!module) {
     goto out;
   }

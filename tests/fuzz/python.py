@@ -25,7 +25,7 @@ import attrs
 with atheris.instrument_imports(include=["beltdyn", "tomllib"]):
     import beltdyn as bd
     from beltdyn import _core
-    from beltdyn.errors import SimulationError
+    from beltdyn.result.errors import SimulationError
 
 import numpy as np
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import beltdyn as bd
-from beltdyn import parameters as names
+from beltdyn.drive import parameters as names
 
 #: What is warned of here by design: few long links on a soft contact make a run cheap, the
 #: last torque is to make it slip, and of a pulley that turns alone the closed form is known.

@@ -1,0 +1,80 @@
+"""Modules by the names that they had before they moved into rooms.
+
+Importing one by such a name is an error that says where it is now. Public names never moved:
+they are those of :mod:`beltdyn` itself.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.abc import MetaPathFinder
+from types import ModuleType
+
+_KEPT_NAMES = {
+    "outputs": "accuracy_report arcs averages gross_slip histories places spans state",
+    "drive": (
+        "balance cells compliance couplings mounts parameters params parts preload route "
+        "rules sanity scene tensioning toml"
+    ),
+    "base": (
+        "blocks checks columns described files html naming npz optional rounding "
+        "run_warnings stopping"
+    ),
+    "run": "checkpoints memory observed progress resuming settling simulation start_of_run",
+    "result": "errors exported labelled saved",
+    "loads": "escaped motions torques",
+    "scenes": "machines published",
+    "many": "pools",
+}
+#: Modules by their old names; ``outputs``, ``result``, ``loads`` and ``scenes`` are rooms now.
+MOVED = {
+    **{old: f"{room}.{old}" for room, names in _KEPT_NAMES.items() for old in names.split()},
+    "accuracy.budget": "verification.budget",
+    "accuracy.pilot": "verification.pilot",
+    "accuracy.quantities": "verification.quantities",
+    "accuracy.rows": "accuracy.study_rows",
+    "accuracy.runs": "verification.runs",
+    "accuracy.settings": "verification.settings",
+    "accuracy.space": "verification.space",
+    "accuracy.table": "accuracy.study_table",
+    "accuracy.verification": "verification.verification",
+    "cli.figures": "cli.figures_command",
+    "cli.resuming": "cli.resume_command",
+    "cli.sweeping": "cli.sweep_command",
+    "explaining.text": "explaining.explanation_text",
+    "explaining.window": "explaining.run_length",
+    "hard": "scenes.hard_scenes",
+    "identification.report": "identification.findings",
+    "kubas.rows": "kubas.paper_numbers",
+    "plot.accuracy": "accuracy.price",
+    "plot.figures": "plot.panels",
+    "plot.friction": "plot.contact",
+    "plot.modes": "plot.mode_shapes",
+    "plot.places": "plot.belt_line",
+    "plot.spectrum": "plot.spectrum_lines",
+    "report.spans": "report.span_rows",
+    "spectra.sources": "outputs.orders",
+    "sweeping.rows": "sweeping.outcomes",
+    "sweeping.table": "sweeping.dataset",
+    "vibration.linear": "vibration.linearised",
+    "vibration.search": "vibration.eigenvalues",
+}
+
+
+class _Moved(MetaPathFinder):
+    """Asked last, for what no other finder knows."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> None:
+        package, _, name = fullname.partition(".")
+        if package == __package__ and name in MOVED:
+            raise ImportError(
+                f"{fullname} has moved to {package}.{MOVED[name]}; what is public is imported "
+                f"from {package} itself",
+                name=fullname,
+            )
+
+
+sys.meta_path.append(_Moved())

@@ -1,0 +1,255 @@
+"""What accuracy costs: figures of a study."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Protocol
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import (
+    FixedLocator,
+    FormatStrFormatter,
+    LogLocator,
+    NullFormatter,
+    NullLocator,
+    ScalarFormatter,
+)
+
+from ..base.checks import positive
+from ..plot import style
+from .study_rows import Errors, Row, quantity_of
+
+__all__ = ["balance", "cost_over_links", "errors_over_links", "price", "work_precision"]
+
+
+class Priced(Protocol):
+    """The part of ``bd.accuracy.Study`` that is drawn; it imports this module to draw itself."""
+
+    @property
+    def space(self) -> Mapping[int, Errors]: ...
+    @property
+    def space_floor(self) -> Errors: ...
+    @property
+    def nodes(self) -> str: ...
+    def done(self) -> Iterator[Row]: ...
+    def believed(self, row: Row, quantity: str) -> float: ...
+    def cheapest(self, error: float, quantity: str = ...) -> Row | None: ...
+    def front(self, quantity: str = ..., method: str | None = ...) -> list[Row]: ...
+
+
+_COST = "CPU time of the run [s]"
+_MARKERS = "osD^v<>p"
+
+
+def price(
+    study: Priced, quantity: str = "tension", *, error: float = 1e-2, fig: Figure | None = None
+) -> Figure:
+    """Draw a study: what an error and what a mesh cost, and how errors in space and time compare.
+
+    Args:
+        study: From ``bd.accuracy.study``.
+        quantity: What the errors are of.
+        error: The error for which the cheapest run is marked.
+        fig: Figure to draw into; None: a new one.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    figure = style.new_figure(11.0, 9.0, dpi=120) if fig is None else fig
+    (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
+    work_precision(study, quantity, ax=top_left).set_title("Cost of an error, by method")
+    cost_over_links(study, ax=top_right).set_title("Cost of a finer mesh")
+    errors_over_links(study, quantity, error=error, ax=bottom_left).set_title(
+        "Errors in space and in time"
+    )
+    balance(study, quantity, error=error, ax=bottom_right).set_title("The cheapest runs")
+    return figure
+
+
+def work_precision(study: Priced, quantity: str = "tension", ax: Axes | None = None) -> Axes:
+    """Draw CPU time against error, of each method the cheapest runs on any mesh."""
+    quantity, ax = quantity_of(quantity), style.axes(ax)
+    for k, method in enumerate(_methods(study)):
+        front = study.front(quantity, method)
+        ax.plot(
+            [study.believed(row, quantity) for row in front],
+            [row.seconds for row in front],
+            label=method,
+            **_look(k),
+        )
+    floor = study.space_floor[quantity]
+    low, high = _range([study.believed(row, quantity) for row in study.done()] + [floor])
+    ax.axvspan(low, floor, color="0.92", zorder=0, label="below the floor")
+    ax.set(xscale="log", yscale="log", xlim=(low, high))
+    ax.invert_xaxis()
+    style.dress(ax, f"error of {_words(quantity)} [1]", _COST)
+    style.legend(ax)
+    return ax
+
+
+def cost_over_links(study: Priced, ax: Axes | None = None) -> Axes:
+    """Draw CPU time against the number of links, by method at a loose and a tight tolerance."""
+    ax = style.axes(ax)
+    for k, method in enumerate(_methods(study)):
+        rows = [row for row in study.done() if row.setting.method == method]
+        for rtol, hollow in zip(_two(rows), (True, False), strict=False):
+            some = [row for row in rows if row.setting.rtol == rtol]
+            ax.plot(
+                [row.setting.n_bodies for row in some],
+                [row.seconds for row in some],
+                label=f"{method} {_power(rtol)}",
+                **_look(k) | ({"markerfacecolor": "white"} if hollow else {}),
+            )
+    ax.set(xscale="log", yscale="log")
+    _links(ax, study)
+    style.dress(ax, f"number of {study.nodes}", _COST)
+    style.legend_below(ax, ax.get_lines())
+    return ax
+
+
+def errors_over_links(
+    study: Priced, quantity: str = "tension", *, error: float = 1e-2, ax: Axes | None = None
+) -> Axes:
+    """Draw the error in space, and in time of the cheapest method, against the number of links.
+
+    The star marks the cheapest run for the error asked for, at which both are small enough.
+    """
+    quantity, ax, error = quantity_of(quantity), style.axes(ax), positive("error", error)
+    ax.plot(
+        list(study.space),
+        [found[quantity] for found in study.space.values()],
+        label="in space",
+        **_look(0) | {"linewidth": 2.2, "color": "black", "linestyle": "-"},
+    )
+    best = study.cheapest(error, quantity)
+    fastest = study.front(quantity)
+    method = best.setting.method if best else fastest[-1].setting.method if fastest else ""
+    rows = [row for row in study.done() if row.setting.method == method]
+    for k, rtol in enumerate(sorted({row.setting.rtol for row in rows}, reverse=True)):
+        some = [row for row in rows if row.setting.rtol == rtol]
+        ax.plot(
+            [row.setting.n_bodies for row in some],
+            [row.time[quantity] for row in some],
+            label=f"in time, {method} {_power(rtol)}",
+            **_look(k),
+        )
+    ax.set(xscale="log", yscale="log")
+    _mark(ax, study, quantity, error, best, lambda row: row.setting.n_bodies)
+    _links(ax, study)
+    style.dress(ax, f"number of {study.nodes}", f"error of {_words(quantity)} [1]")
+    style.legend_below(
+        ax, [line for line in ax.get_lines() if str(line.get_marker()) in tuple(_MARKERS)]
+    )
+    return ax
+
+
+def balance(
+    study: Priced, quantity: str = "tension", *, error: float = 1e-2, ax: Axes | None = None
+) -> Axes:
+    """Draw the errors in space and in time of the cheapest runs against their CPU time.
+
+    The numbers are those of the links; the star marks the cheapest run for the error asked for.
+    """
+    quantity, ax, error = quantity_of(quantity), style.axes(ax), positive("error", error)
+    front = study.front(quantity)
+    cost = [row.seconds for row in front]
+    parts = (
+        ("in all", [study.believed(row, quantity) for row in front]),
+        ("in space", [study.space[row.setting.n_bodies][quantity] for row in front]),
+        ("in time", [row.time[quantity] for row in front]),
+    )
+    for k, (name, errors) in enumerate(parts):
+        wide = {} if k else {"linewidth": 5.0, "alpha": 0.35, "markersize": 9.0}
+        ax.plot(cost, errors, label=name, **_look(k) | wide)  # the others lie on it in parts
+    best = study.cheapest(error, quantity)
+    _mark(ax, study, quantity, error, best, lambda row: row.seconds)
+    ax.set(xscale="log", yscale="log")
+    ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    ax.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+    ax.xaxis.set_minor_formatter(NullFormatter())
+    style.dress(ax, _COST, f"error of {_words(quantity)} [1]")
+    _number(ax, front, parts[0][1])
+    style.legend(ax)
+    return ax
+
+
+def _number(ax: Axes, rows: Sequence[Row], heights: Sequence[float]) -> None:
+    """Write the number of links above the first run on each mesh."""
+    before = None
+    for row, height in zip(rows, heights, strict=True):
+        if row.setting.n_bodies != before:
+            ax.annotate(
+                f"{row.setting.n_bodies}",
+                (row.seconds, height),
+                xytext=(4, 8),
+                textcoords="offset points",
+                ha="center",
+                fontsize="small",
+                color="0.3",
+            )
+        before = row.setting.n_bodies
+
+
+def _mark(
+    ax: Axes,
+    study: Priced,
+    quantity: str,
+    error: float,
+    best: Row | None,
+    place: Callable[[Row], float],
+) -> None:
+    """Draw a line at the error asked for, and a star at the cheapest run that reaches it."""
+    ax.axhline(error, color="0.5", linewidth=0.8, linestyle=":", marker="")
+    if best is None:
+        return
+    one = best.setting
+    ax.plot(
+        [place(best)],
+        [study.believed(best, quantity)],
+        "*",
+        color="black",
+        markersize=13,
+        label=f"cheapest for {error:.2g}: {one.method} {_power(one.rtol)},\n{one.n_bodies} "
+        f"{study.nodes}, {best.seconds:.2g} s",
+    )
+
+
+def _links(ax: Axes, study: Priced) -> None:
+    ax.xaxis.set_major_locator(FixedLocator(list(study.space)))
+    ax.xaxis.set_major_formatter(ScalarFormatter())
+    ax.xaxis.set_minor_locator(NullLocator())
+
+
+def _power(rtol: float) -> str:
+    """Write a tolerance: 10 to a power where it is one."""
+    exponent = math.log10(rtol)
+    if abs(exponent - round(exponent)) < 1e-9:
+        return f"$10^{{{round(exponent)}}}$"
+    return f"{rtol:g}"
+
+
+def _methods(study: Priced) -> list[str]:
+    return list(dict.fromkeys(row.setting.method for row in study.done()))
+
+
+def _two(rows: Sequence[Row]) -> list[float]:
+    """Give a loose and a tight tolerance, of those that there are."""
+    rtols = sorted({row.setting.rtol for row in rows}, reverse=True)
+    chosen = [rtol for rtol in rtols if rtol in (1e-2, 1e-4)]
+    return chosen or rtols[:1]
+
+
+def _look(k: int) -> dict[str, Any]:
+    marker = {"marker": _MARKERS[k % len(_MARKERS)], "markersize": 4.5, "linewidth": 1.2}
+    return style.line_style(k) | marker
+
+
+def _range(values: Sequence[float]) -> tuple[float, float]:
+    there = [value for value in values if value > 0.0 and math.isfinite(value)]
+    return 0.5 * min(there, default=1e-6), 2.0 * max(there, default=1.0)
+
+
+def _words(quantity: str) -> str:
+    return quantity.replace("_", " ")

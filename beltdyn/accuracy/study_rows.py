@@ -1,0 +1,47 @@
+"""A row of a study: a setting, what it costs and how far off it is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import attrs
+
+from ..base.checks import one_of
+from ..verification.quantities import QUANTITIES
+from ..verification.settings import Setting
+
+__all__ = ["Errors", "Row", "quantity_of"]
+
+Errors = Mapping[str, float]
+
+
+def quantity_of(name: object) -> str:
+    """Check the name of a quantity.
+
+    Raises:
+        TypeError, ValueError: It is none of :data:`QUANTITIES`.
+    """
+    return one_of("quantity", name, QUANTITIES)
+
+
+@attrs.frozen(kw_only=True)
+class Row:
+    """A setting, what it costs and how far off it is. Errors are by quantity, relative [1].
+
+    Attributes:
+        setting: Number of links, method, tolerance.
+        seconds: CPU time, without settling, the least of ``repeats`` [s]; NaN if the run failed.
+        repeats: How often it was run.
+        steps: Steps, rejected ones included.
+        error: Difference to the reference on the finest mesh: the error in all.
+        time: Difference to the reference on the same mesh: the error in time.
+        failure: Why the run failed, or "".
+    """
+
+    setting: Setting
+    seconds: float
+    repeats: int
+    steps: int
+    error: Errors
+    time: Errors
+    failure: str = ""

@@ -1,0 +1,202 @@
+"""What a study has found: a table of runs, their errors and costs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import os
+from collections.abc import Iterator, Mapping
+from textwrap import shorten
+from typing import TYPE_CHECKING
+
+import attrs
+
+from ..base import files
+from ..base.checks import positive
+from ..verification.quantities import QUANTITIES
+from .study_rows import Errors, Row, quantity_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = ["Study"]
+
+#: Errors for which the printed study names the cheapest setting.
+_TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)
+
+
+@attrs.frozen(kw_only=True, eq=False, repr=False)
+class Study:
+    """What accuracy costs: runs of a scene by method, tolerance and number of links or cells.
+
+    ``print(study)`` names the cheapest settings, :meth:`table` lists all runs, :meth:`plot` draws
+    them. Errors are by quantity, those of ``bd.accuracy.QUANTITIES``, relative to the scales of
+    :class:`beltdyn.accuracy.Observed`. An error is not known better than its floor.
+
+    Attributes:
+        rows: All runs, by mesh, method and tolerance.
+        space: By ``n_bodies``, the error in space: of the mesh's own reference.
+        time_floor: By ``n_bodies``, how far the two references on the mesh differ.
+        space_floor: How far the two references on the finest mesh differ or, if more, what is
+            estimated to be left of the error in space there.
+        finest: ``n_bodies`` of the reference in space.
+        references: How the references were computed, a line for each mesh.
+        mesh: How the belt meets the pulleys, ``Belt.mesh``.
+        nodes: What ``n_bodies`` is the number of: "links", "masses" or "cells".
+        n_bodies: How many the scene itself has.
+    """
+
+    rows: tuple[Row, ...]
+    space: Mapping[int, Errors]
+    time_floor: Mapping[int, Errors]
+    space_floor: Errors
+    finest: int
+    references: tuple[str, ...]
+    mesh: str
+    nodes: str
+    n_bodies: int
+
+    def done(self) -> Iterator[Row]:
+        """Give the rows of the runs that did not fail."""
+        return (row for row in self.rows if not row.failure)
+
+    def believed(self, row: Row, quantity: str) -> float:
+        """Give the error of a run that can be relied on.
+
+        The largest of its errors in all, in space and in time and of the floor: where the first is
+        smaller than one of its parts, they cancel each other by chance.
+        """
+        errors = (row.error, self.space[row.setting.n_bodies], row.time, self.space_floor)
+        return max(error[quantity] for error in errors)
+
+    def cheapest(self, error: float, quantity: str = "tension") -> Row | None:
+        """Give the run that reaches an error for the least CPU time, None if there is none.
+
+        Args:
+            error: The largest error in all [1].
+            quantity: What it is the error of.
+
+        Raises:
+            TypeError, ValueError: An argument breaks its rule.
+        """
+        quantity, error = quantity_of(quantity), positive("error", error)
+        good = [row for row in self.done() if self.believed(row, quantity) <= error]
+        return min(good, key=lambda row: row.seconds, default=None)
+
+    def front(self, quantity: str = "tension", method: str | None = None) -> list[Row]:
+        """Give the runs, of all or one method, that no cheaper one is as accurate as.
+
+        From cheap to costly.
+        """
+        quantity = quantity_of(quantity)
+        best, kept = math.inf, []
+        rows = (row for row in self.done() if method in (None, row.setting.method))
+        for row in sorted(rows, key=lambda row: row.seconds):
+            error = self.believed(row, quantity)
+            if error < best:
+                best = error
+                kept.append(row)
+        return kept
+
+    def table(self, quantity: str = "tension") -> str:
+        """List all runs as text, with the errors of one quantity.
+
+        Raises:
+            TypeError, ValueError: There is no such quantity.
+        """
+        quantity = quantity_of(quantity)
+        lines = [
+            f"error of {quantity}: in all, in space, in time (floors in brackets)",
+            f"{self.nodes:5s}  method     rtol     CPU s     steps    error    space"
+            "              time",
+        ]
+        for row in self.rows:
+            n_b = row.setting.n_bodies
+            head = f"{n_b:5d}  {row.setting.method:7s} {row.setting.rtol:7.0e}"
+            if row.failure:
+                why = shorten(row.failure.partition(": ")[0], 60, placeholder=" ...")
+                lines.append(f"{head}  failed: {why}")
+                continue
+            lines.append(
+                f"{head} {row.seconds:9.4f} {row.steps:9d}  {row.error[quantity]:7.1e}"
+                f"  {self.space[n_b][quantity]:7.1e} ({self.space_floor[quantity]:.0e})"
+                f"  {row.time[quantity]:7.1e} ({self.time_floor[n_b][quantity]:.0e})"
+            )
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        meshes = ", ".join(map(str, self.space))
+        lines = [
+            f"Price of accuracy: {sum(1 for _ in self.done())} runs on meshes of {meshes} "
+            f'{self.nodes} ("{self.mesh}"), reference on {self.finest} {self.nodes}',
+            "cheapest setting for an error in all of at most",
+        ]
+        width = max(map(len, QUANTITIES))
+        lines.append(" " * (width + 2) + "".join(f"{target:<26.0e}" for target in _TARGETS))
+        for quantity in QUANTITIES:
+            cells = [self._cell(target, quantity) for target in _TARGETS]
+            lines.append(f"{quantity:<{width}}  " + "".join(f"{cell:<26s}" for cell in cells))
+        lines += [
+            f"Entries: method, rtol, number of {self.nodes}, CPU s; -: no run is so accurate;",
+            f"floor: not even the reference, on {self.finest} {self.nodes}, is known so well.",
+            f"More {self.nodes} and tighter tolerances (without --quick; n_bodies=, finest=,",
+            "rtols=) fill these. To use one: simulate(..., method=, rtol=);",
+            "beltdyn run SCENE --error chooses.",
+        ]
+        return "\n".join(line.rstrip() for line in lines)
+
+    def _cell(self, target: float, quantity: str) -> str:
+        if self.space_floor[quantity] > target:
+            return f"floor {self.space_floor[quantity]:.0e}"
+        row = self.cheapest(target, quantity)
+        if row is None:
+            return "-"
+        one = row.setting
+        return f"{one.method} {one.rtol:.0e} {one.n_bodies} {row.seconds:.3g}"
+
+    def __repr__(self) -> str:
+        return f"Study({len(self.rows)} runs, {len(self.space)} meshes, finest {self.finest})"
+
+    def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
+        """Give all runs as comma-separated values, also written to ``path``.
+
+        A line for each run: its setting, CPU seconds, repeats, steps, and of each quantity the
+        errors in all, in space, in time and the two floors.
+
+        Raises:
+            OSError: The file cannot be written; a file that was there before is unchanged.
+        """
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        kinds = ("error", "space", "time", "space_floor", "time_floor")
+        writer.writerow(
+            ["n_bodies", "method", "rtol", "cpu_seconds", "repeats", "steps", "failure"]
+            + [f"{quantity}_{kind}" for quantity in QUANTITIES for kind in kinds]
+        )
+        for row in self.rows:
+            n_b = row.setting.n_bodies
+            found = [row.error, self.space[n_b], row.time, self.space_floor, self.time_floor[n_b]]
+            writer.writerow(
+                [n_b, row.setting.method, row.setting.rtol]
+                + [row.seconds, row.repeats, row.steps, row.failure]
+                + [errors.get(quantity, math.nan) for quantity in QUANTITIES for errors in found]
+            )
+        if path is not None:
+            files.write_bytes(path, text.getvalue().encode())
+        return text.getvalue()
+
+    def plot(self, quantity: str = "tension", *, error: float = 1e-2) -> Figure:
+        """Draw cost against error by method, against links, and the errors of the cheapest runs.
+
+        Args:
+            quantity: What the errors are of.
+            error: The error for which the cheapest setting is marked.
+
+        Raises:
+            TypeError, ValueError: An argument breaks its rule.
+            ImportError: There is no matplotlib.
+        """
+        from .price import price
+
+        return price(self, quantity, error=error)

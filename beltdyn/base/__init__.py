@@ -1,0 +1,1 @@
+"""What all rooms use: checks, names of pulleys, files, texts, warnings."""

@@ -1,0 +1,110 @@
+"""The command ``beltdyn figures``, which alone knows the paper."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import click
+
+from ..base import files
+from ..base.run_warnings import RunWarning, distinct, silenced
+from ..result.errors import SimulationError
+from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
+from .written import figure_kinds, need_matplotlib
+
+__all__ = ["draw_figures"]
+
+
+@click.command("figures")
+@click.option(
+    "--out",
+    "folder",
+    type=click.Path(path_type=Path),
+    required=True,
+    help="Folder to write to; made if it is not there.",
+)
+@click.option(
+    "--format", "formats", default="png,pdf", show_default=True, help="Kinds of file, by comma."
+)
+@click.option(
+    "--size",
+    type=click.Choice(["notebook", "print"]),
+    default="print",
+    show_default=True,
+    help="print: panels as wide as a journal's column.",
+)
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
+    """Draw the paper's figures 5 to 19 from new runs, and the table of its numbers beside ours.
+
+    Writes fig-05.png, fig-05.pdf and so on, and table.txt.
+    """
+    try:
+        _check_folder(folder)
+    except OSError as error:
+        stop(f"cannot write to {folder}: {error.strerror}", BAD_INPUT)
+    need_matplotlib("beltdyn figures")
+    kinds = [kind.strip().lower().removeprefix(".") for kind in formats.split(",")]
+    known = figure_kinds()
+    for kind in kinds:
+        if kind not in known:
+            stop(f"--format: {kind!r} must be one of {', '.join(known)}", BAD_INPUT)
+    written: list[Path] = []
+    try:
+        with interruptible():
+            comparison, noticed = _write_figures(
+                folder, list(dict.fromkeys(kinds)), size, quiet, written
+            )
+    except SimulationError as error:
+        stop(str(error), FAILED)
+    except OSError as error:
+        stop(f"cannot write {error.filename or folder}: {error.strerror or error}", FAILED)
+    except KeyboardInterrupt as error:
+        so_far = f"; {len(written)} files written to {folder}" if written else ""
+        stop(f"{str(error) or 'interrupted'}{so_far}", INTERRUPTED)
+    if not quiet:
+        click.echo(comparison)
+        click.echo(f"written: {len(written)} files in {folder}")
+    warn(noticed, quiet)
+
+
+def _write_figures(
+    folder: Path, kinds: list[str], size: str, quiet: bool, written: list[Path]
+) -> tuple[str, list[RunWarning]]:
+    from .. import kubas
+    from ..kubas.figures import FIGURES
+
+    with silenced():
+        runs = kubas.runs(progress=not quiet)
+    comparison = str(kubas.compare(runs))
+    folder.mkdir(exist_ok=True)
+
+    def write(name: str, content: bytes) -> None:
+        path = folder / name
+        files.write_bytes(path, content)
+        written.append(path)
+
+    write("table.txt", f"{comparison}\n".encode())
+    hidden = quiet or not sys.stderr.isatty()
+    with click.progressbar(
+        FIGURES.values(), label="drawing", file=sys.stderr, hidden=hidden
+    ) as figures:
+        for figure in figures:
+            drawn = figure(runs, size=size)
+            for kind in kinds:
+                picture = io.BytesIO()
+                drawn.savefig(picture, format=kind)
+                write(f"fig-{figure.number:02d}.{kind}", picture.getvalue())
+    return comparison, distinct(run.warnings for run in runs)
+
+
+def _check_folder(folder: Path) -> None:
+    """Check before the runs that files can be written there, or the folder be made."""
+    if folder.exists() and not folder.is_dir():
+        stop(f"cannot write to {folder}: it is a file", BAD_INPUT)
+    if not folder.exists() and not folder.parent.is_dir():
+        stop(f"cannot write to {folder}: there is no folder {folder.parent}", BAD_INPUT)
+    # Any name serves to find out whether files can be made there.
+    files.check_writable((folder if folder.exists() else folder.parent) / "table.txt")

@@ -1,0 +1,193 @@
+"""The command ``beltdyn sweep``."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from ..base.columns import columns
+from ..base.optional import optional_module
+from ..base.run_warnings import silenced
+from ..result.exported import write_netcdf
+from ..sweeping import file as sweep_file
+from ..sweeping.outcomes import STATUSES
+from ..sweeping.sweep import SweepInterrupted, Swept, run_sweep
+from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, reported, stop
+from .written import check_out, check_writable
+
+__all__ = ["sweep_scene"]
+
+#: Messages of runs without result that are printed.
+_SHOWN = 3
+#: Pulleys, spans and the like up to which each has a row of the table; runs up to which each has
+#: one in place of least, mean and most, if there are no more columns than fit.
+_FEW, _COLUMNS = 12, 8
+
+
+@click.command("sweep")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), required=True, help="Results (.nc).")
+@click.option("--workers", type=int, help="How many runs at a time; one for each processor.")
+@click.option("--scheduler", help="Address of a Dask scheduler that has the workers.")
+@click.option(
+    "--store",
+    type=click.Path(path_type=Path),
+    help="Folder that keeps finished runs; else OUT.runs, until all are done.",
+)
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+def sweep_scene(
+    file: Path,
+    out: Path,
+    workers: int | None,
+    scheduler: str | None,
+    store: Path | None,
+    quiet: bool,
+) -> None:
+    """Run a scene many times with parameters, loads or options changed, as FILE says.
+
+    FILE is TOML: `scene`, a name from `beltdyn scenes`, a file, or a table; `measure`, names of
+    quantities; and [over], or [sample] (help(beltdyn.sweeping.file) has an example of each).
+
+    Writes a netCDF file; Python reads it by xarray.open_dataset. Finished runs are kept as they
+    come: after Ctrl-C or a kill the same command goes on where it was.
+    """
+    if workers is not None and scheduler is not None:
+        stop("--workers and --scheduler must not be given together", BAD_INPUT)
+    if workers is not None and workers < 1:
+        stop(f"--workers must be at least 1, got {workers}", BAD_INPUT)
+    check_writable(out)
+    check_out(out, (".nc",))
+    folder = store or out.with_name(f"{out.name}.runs")
+    begun = time.monotonic()
+    with reported("read or write"):
+        try:
+            given = sweep_file.read(file)
+            with interruptible(), silenced():
+                swept = run_sweep(
+                    given.scene,
+                    given.over,
+                    given.measure,
+                    executor=_executor(workers, scheduler),
+                    store=folder,
+                    progress=not quiet,
+                    **given.arguments,
+                )
+        except SweepInterrupted as error:
+            _write(error.dataset, out)
+            stop(f"{error}; written: {out}; go on with the same command", INTERRUPTED)
+        except (ImportError, RuntimeError) as error:
+            stop(f"{error}", FAILED)
+    _write(swept.dataset, out)
+    if store is None:
+        shutil.rmtree(folder, ignore_errors=True)
+    if not quiet:
+        _print(swept, time.monotonic() - begun)
+        click.echo(f"written: {out}")
+    if not swept.counts.get("finished", 0):
+        stop("no run finished; message in the file tells why of each", FAILED)
+
+
+def _executor(workers: int | None, scheduler: str | None) -> Any:
+    if scheduler is None:
+        return workers
+    distributed = optional_module("distributed", "--scheduler", "cluster")
+    try:
+        return distributed.Client(scheduler, timeout=10)
+    except (OSError, ValueError) as error:
+        stop(f"--scheduler {scheduler}: {error}", FAILED)
+
+
+def _write(dataset: Any, out: Path) -> None:
+    try:
+        write_netcdf(dataset, out)
+    except (OSError, ValueError) as error:
+        stop(f"cannot write {out}: {getattr(error, 'strerror', None) or error}", FAILED)
+
+
+def _rows(data: Any, name: str) -> Iterator[tuple[str, Any]]:
+    """Give a quantity over all runs, for each pulley or span if it has few of them."""
+    values = data[name]
+    own = [dim for dim in values.dims if dim not in data["status"].dims]
+    if len(own) != 1 or own[0] not in data.coords or data.sizes[own[0]] > _FEW:
+        yield "", values.values.ravel()
+        return
+    for label in data[own[0]].values:
+        yield str(label), values.sel({own[0]: label}).values.ravel()
+
+
+def _print_cases(data: Any, numbers: list[Any]) -> bool:
+    """Print a row for each run, of what was changed and measured; tell whether there was room."""
+    runs, dims = data["status"].size, data["status"].dims
+    over = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
+    measured = [(str(name), *row) for name in numbers for row in _rows(data, str(name))]
+    whole = all(values.size == runs for *_, values in measured)
+    if not whole or len(over) + len(measured) > _COLUMNS:
+        return False
+    heads, cells = [], []
+    for name in over:
+        values = data[name].broadcast_like(data["status"]).transpose(*dims).values.ravel()
+        heads.append(str(name).split("."))
+        cells.append([f"{one:.6g}" if isinstance(one, float) else str(one) for one in values])
+    for name, row, values in measured:
+        units = data[name].attrs.get("units", "1")
+        heads.append([*name.split("."), *filter(None, [row, units.removesuffix("1")])])
+        cells.append(["-" if np.isnan(one) else f"{one:.4g}" for one in values])
+    high = max(map(len, heads))
+    heads = [[""] * (high - len(one)) + one for one in heads]
+    for line in columns([*zip(*heads, strict=True), *zip(*cells, strict=True)]):
+        click.echo(line)
+    return True
+
+
+def _print_range(data: Any, numbers: list[Any]) -> None:
+    """Print least, mean and most of each quantity."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="over all runs", title_justify="left")
+    table.add_column(
+        "quantity", no_wrap=True, min_width=max(map(len, map(str, numbers)), default=1)
+    )
+    table.add_column("of")
+    table.add_column("unit")
+    for label in ("least", "mean", "most"):
+        table.add_column(label, justify="right")
+    for name in numbers:
+        units = data[name].attrs.get("units", "")
+        for k, (row, values) in enumerate(_rows(data, str(name))):
+            known = values[np.isfinite(values)]
+            ends = 3 * ["-"]
+            if known.size:
+                ends = [f"{one:.4g}" for one in (known.min(), known.mean(), known.max())]
+            if np.isinf(values).any():  # such as margins of pulleys without a load
+                ends[2] = f"inf: {int(np.isinf(values).sum())}"
+            table.add_row(*(("", row, "") if k else (str(name), row, units)), *ends)
+    Console().print(table)
+
+
+def _print(swept: Swept, seconds: float) -> None:
+    data = swept.dataset
+    numbers = [name for name in data.data_vars if data[name].dtype.kind == "f"]
+    status = data["status"].values.ravel()
+    if status.size > _FEW or not _print_cases(data, numbers):
+        _print_range(data, numbers)
+    total = sum(swept.counts.values())
+    parts = ", ".join(f"{count} {status}" for status, count in swept.counts.items())
+    computed = f"{swept.computed} computed by {swept.workers} in {seconds:.3g} s"
+    where = [computed] if swept.computed else []
+    where += [f"{swept.stored} found in the store"] if swept.stored else []
+    warned = sum(bool(one) for one in data["warnings"].values.ravel())
+    where += [f"{warned} with warnings (warnings in the file)"] if warned else []
+    click.echo(f"{total} runs: {parts}; {', '.join(where)}")
+    for bad in STATUSES:
+        texts = data["message"].values.ravel()[status == bad]
+        if bad == "finished" or not texts.size:
+            continue
+        for text in list(dict.fromkeys(texts))[:_SHOWN]:
+            click.echo(f"  {bad}: {text}")

@@ -1,0 +1,327 @@
+"""What is said of the mesh of an ALE belt, whose cells stand still: its errors, its limits.
+
+Every limit below stands with the argument for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Protocol, TypeVar
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _core
+from ..base.checks import Array
+from ..base.rounding import percent
+from ..base.run_warnings import RunWarning
+from . import compliance
+from .parts import CHOOSE, Pulley
+from .route import Route
+from .tensioning import Tensioning
+
+__all__ = [
+    "Drive",
+    "cheaper",
+    "chosen",
+    "describe",
+    "describe_cheaper",
+    "errors",
+    "finer",
+    "instead",
+    "landings",
+    "limits",
+    "modes_off",
+    "reach",
+    "seen",
+    "trusted",
+]
+
+#: Length of a cell on a pulley, and cells on half a turn of the largest one, from which on they are
+#: longer: a sixth of the half wave of a torsional vibration of 500 Hz, and creep right to 0.02 %.
+CELL, HALF_TURN = 0.0125, 30
+#: Radius [m] of which smaller pulleys have the cells: 10 on half a turn, tensions beside one that
+#: takes up all of them right to 0.2 %.
+SMALL = 0.04
+
+#: Error of the tensions beside a pulley, over what it takes from one to the other, times the square
+#: of the cells on half a turn: against creep theory 0.2, 0.2, 0.2, 0.2 with 10, 20, 40, 80 cells.
+CREEP = 0.2
+#: Error of histories over that of means; and what is more where bending runs off over sqrt(EI/T) by
+#: longer cells, times that length over the radius. Of random drives (benchmarks/ale.py) against
+#: three times the cells true errors are 0.1 to 2 times that, 0.2 to 3 times without bending.
+HISTORIES, ENDS = 1.5, 0.02
+#: Lengths sqrt(EI/T) of which there should be so many at least on a wrap, and on a span: with fewer
+#: its ends begin to overlap. Half of that is refused.
+WRAP, SPAN = 4.0, 8.0
+
+
+#: Of the tension at rest, errors of the lowest frequencies, of so many, and slopes of spans from
+#: which on a run is warned.
+NEAR_SLACK, FAST, LOWEST, STEEP = 0.1, 0.02, 2, 0.1
+#: Steps a second of an ALE belt at an rtol, 600 to 3300 measured, the power of rtol by which they
+#: fall, and the CPU time of one for each cell, in explicit steps of a link.
+STEPS, AT, POWER, STEP = 1800.0, 1e-2, 0.3, 12.0
+#: Implicit steps for each link that lands or leaves, 1.5 to 8 measured; explicit ones over
+#: 1/(spectral bound).
+LANDING, EXPLICIT = 1.5, 2.5
+#: How many times dearer links are before an ALE belt is told of, whose CPU time is known to a
+#: factor of two or three; and of how many explicit steps of a link, 0.05 s, a run is then.
+CHEAPER, WORTH = 10.0, 3e5
+#: Error of a frequency from which on it is not given; what is left free below the first of these.
+AMISS, NEAR = 0.01, 0.97
+
+
+class Drive(compliance.Drive, Protocol):
+    """The part of :class:`beltdyn.Params` that is needed here; it imports this module."""
+
+    @property
+    def tensioning(self) -> Tensioning:
+        """How the belt is tensioned."""
+
+    @property
+    def _belt_facts(self) -> _core.BeltFacts: ...
+    @property
+    def _model(self) -> _core.Model: ...
+    @property
+    def _cells(self) -> NDArray[np.int32]: ...
+
+
+D = TypeVar("D", bound=Drive)
+
+
+def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
+    """Give how many cells to ask for where that is left open."""
+    radii = np.array([pulley.radius for pulley in pulleys])
+    length = max(CELL, math.pi * float(radii.max()) / HALF_TURN)
+    return 2 * len(pulleys) + math.ceil(float(line.wraps @ np.maximum(radii, SMALL)) / length)
+
+
+def instead(params: D) -> D | None:
+    """Give the drive with an ALE belt in place of links; None: it has one, or cannot well have it.
+
+    Nor has a belt on the paper's mesh, which is there to give the paper's numbers.
+    """
+    if params._belt_facts["flows"] or params._belt_facts["tangents"]:
+        return None
+    try:
+        belt = attrs.evolve(params.belt, mesh=CHOOSE[0], model="auto", n_bodies=None)
+        other: D = attrs.evolve(params, belt=belt)  # type: ignore[misc]
+        return None if any(limits(other)) else other
+    except (RuntimeError, TypeError, ValueError):  # nor one that does not come to rest
+        return None
+
+
+def landings(params: Drive, speed: float) -> float:
+    """Give how many links a second land on pulleys, or leave them, at a speed of the belt [m/s]."""
+    places = 2 * len(params.pulleys)
+    return places * abs(speed) * float(params.info["n_bodies"] / params.info["length"])
+
+
+def _work(params: Drive, rtol: float) -> float:
+    """Estimate the CPU time of a second of an ALE belt [explicit steps of a link]."""
+    return STEPS * math.pow(AT / rtol, POWER) * STEP * chosen(params.pulleys, params.route)
+
+
+def cheaper(params: Drive, explicit: float, implicit: float, rtol: float, time: float) -> float:
+    """Estimate how many times cheaper an ALE belt is than a run of links, by the steps of the run.
+
+    Args:
+        params: The drive of links.
+        explicit: Explicit steps of the run.
+        implicit: Implicit ones.
+        rtol: Error asked for.
+        time: How long the run was [s].
+
+    Returns:
+        How many times [1]; 0 below ``CHEAPER``, and of short runs.
+    """
+    spent = params.info["n_bodies"] * (explicit + params._belt_facts["implicit_cost"] * implicit)
+    times = spent / (_work(params, rtol) * time)
+    return times if spent > WORTH and times > CHEAPER else 0.0
+
+
+def describe_cheaper(params: Drive) -> Iterator[str]:
+    """Say from which speed on an ALE belt is ``CHEAPER``, if there is one.
+
+    Implicit steps follow the links that land, explicit ones the stability limit: the cheaper count.
+    """
+    steps = CHEAPER * _work(params, AT) / params.info["n_bodies"]
+    more = max(0.0, steps / params._belt_facts["implicit_cost"] - STEPS)
+    speed = more / (LANDING * landings(params, 1.0))
+    slow = params.info["strain_tension"] > 2.0 * params.belt.linear_density * speed**2
+    if steps < params.info["spectral_bound"] / EXPLICIT and slow and instead(params) is not None:
+        yield (
+            f'CPU time: from about {speed:.2g} m/s on Belt(mesh="{CHOOSE[0]}"), through which the '
+            "belt flows so that no links land, takes about a tenth"
+        )
+
+
+def _on_arcs(params: Drive) -> Array:
+    """Give how many cells are on each pulley (n_p,)."""
+    cells = params._cells
+    return np.array([np.count_nonzero(cells == k) for k in range(len(params.pulleys))])
+
+
+def _arcs(params: Drive) -> Array:
+    return np.asarray(params.route.wraps * [pulley.radius for pulley in params.pulleys])
+
+
+def reach(params: Drive) -> float:
+    """Give the length sqrt(EI/T) over which bending runs off a pulley at rest [m]."""
+    return math.sqrt(params.belt.bending_stiffness / float(params.info["strain_tension"]))
+
+
+def errors(params: Drive, pull: float) -> dict[str, float]:
+    """Estimate the errors of the mesh in "tension" and "span_mean", relative to the mean tension.
+
+    At rest there is none. Under load friction is linear within a cell, of second order. Where
+    belt with bending stiffness runs on and off cells are to be told from sqrt(EI/T).
+
+    Args:
+        params: The drive.
+        pull: Largest difference of the tensions on two sides of a pulley [N].
+    """
+    cells, off = _on_arcs(params), reach(params)
+    load = abs(pull) / float(params.info["strain_tension"])
+    mean = CREEP * load / float(np.min(cells * np.pi / params.route.wraps)) ** 2
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    coarse = np.minimum(1.0, (_arcs(params) / cells / off) ** 2) if off > 0.0 else 0.0
+    ends = ENDS * load * float(np.max(off / radii * coarse)) if off > 0.0 else 0.0
+    return {"tension": HISTORIES * mean + ends, "span_mean": mean}
+
+
+def finer(params: Drive, error: float, allowed: float) -> str:
+    """Suggest a number of cells that brings an error of second order down."""
+    on_arcs = int(_on_arcs(params).sum())
+    number = math.ceil(on_arcs * math.sqrt(error / allowed)) + len(params.pulleys)
+    return f"n_bodies = {10 * math.ceil(number / 10.0)}"
+
+
+def trusted(params: Drive, speed: float) -> float:
+    """Give the angular frequency from which on modes across spans are not those of the drive.
+
+    Of the longest span as a string, at a speed of the belt [m/s]: of the first mode that it has not
+    or, as running couples each to its neighbours, has amiss.
+    """
+    wave = math.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
+    modes = params._model.sizes["MODES"] // len(params.pulleys)
+    share = min(abs(speed) / wave, 1.0)
+    slower = 1.0 - share**2
+    amiss = np.flatnonzero(abs(modes_off(share, modes)) > AMISS) if slower > 0.0 else np.zeros(1)
+    number = 1 + (int(amiss[0]) if amiss.size else modes)
+    return NEAR * number * math.pi * wave * slower / float(np.max(params.route.spans))
+
+
+def modes_off(share: float, modes: int) -> Array:
+    """Give how far off the frequencies of a running string are by so many sine modes (modes,) [1].
+
+    a_n'' + 2 b sum G_nr a_r' + (n pi)^2 (1 - b^2) a_n = 0 with G_nr = 4 n r / (n^2 - r^2) for odd
+    n + r, against n pi (1 - b^2).
+
+    Args:
+        share: Speed of the belt over that of waves, b.
+        modes: How many of them.
+    """
+    n = np.arange(1, modes + 1)
+    apart = np.where((n[:, None] + n) % 2 == 1, n[:, None] ** 2 - n**2, np.inf)
+    gyro, still = 8.0 * share * np.outer(n, n) / apart, (n * np.pi) ** 2 * (1.0 - share**2)
+    whole = np.block([[np.zeros((modes, modes)), np.eye(modes)], [-np.diag(still), -gyro]])
+    rates = np.sort(np.abs(np.linalg.eigvals(whole).imag))[::2]
+    return np.asarray(rates / (n * np.pi * (1.0 - share**2)) - 1.0)
+
+
+def describe(params: Drive) -> str:
+    """Say in one line what the error of the mesh is, and of how many cells and modes it is."""
+    cells, arcs = _on_arcs(params), _arcs(params)
+    modes = params._model.sizes["MODES"] // len(params.pulleys)
+    most = errors(params, 2.0 * float(params.info["strain_tension"]))
+    return (
+        f"{params.info['n_bodies']} cells that stand still, {cells.min()} to {cells.max()} on a "
+        f"pulley, of {1e3 * (arcs / cells).min():.2g} to {1e3 * (arcs / cells).max():.2g} mm, and "
+        f"{modes} sine modes to a span: none at rest, loads up to {percent(most['span_mean'])} of "
+        f"the mean tension, {percent(most['tension'])} of its history, at any speed"
+    )
+
+
+def limits(params: Drive) -> Iterator[RunWarning]:
+    """Warn of wraps and spans that are hardly long enough for the ends where bending runs off."""
+    off, name = reach(params), params.tensioning.beyond_cells()
+    if name:
+        yield RunWarning(
+            code="tensioning",
+            text=f'a belt on the mesh "ale" is laid at rest without friction: tensioning.{name} is '
+            "not followed, and what it leaves in the wraps is missing until the belt has run over "
+            'them once; Belt(mesh="joint") has it',
+        )
+    for what, lengths, least in (
+        ("the wrap of", _arcs(params), WRAP),
+        ("the span that follows", params.route.spans, SPAN),
+    ):
+        k = int(np.argmin(lengths))
+        if lengths[k] < least * off:
+            yield RunWarning(
+                code="near_limit",
+                text=f"{what} {params.label(k)} is {1e3 * lengths[k]:.3g} mm long, only "
+                f"{lengths[k] / off:.2g} times the {1e3 * off:.3g} mm over which bending runs off "
+                f"a pulley, sqrt(EI/T): below {least:.2g} times tensions may be off by a percent, "
+                f'below {0.5 * least:.2g} times the mesh "ale" is refused; "joint" holds',
+                where=params.label(k),
+                accuracy=True,
+            )
+
+
+def seen(
+    params: Drive, tension: Array | None, flow: Array | None, deflection: Array | None
+) -> Iterator[tuple[str, str, int, int]]:
+    """Tell where a run came near the limits of an ALE belt: code, text, sample, span.
+
+    Args:
+        params: The drive.
+        tension: Of the spans (n_t, n_p) [N]; None: not kept, as the next two.
+        flow: Stress-free length that passes in a second (n_t,) [m/s].
+        deflection: Amplitudes of sine modes (n_t, n_p, K) [m].
+    """
+    rest, belt = float(params.info["strain_tension"]), params.belt
+    if tension is not None:
+        speed = 0.0 if flow is None else flow[:, None]
+        stretch = 1.0 + tension / belt.axial_stiffness
+        thrown = belt.linear_density * speed**2 * stretch + 0.0 * tension
+        least = tension - thrown
+        t, k = np.unravel_index(int(np.argmin(least)), least.shape)
+        if least[t, k] < NEAR_SLACK * rest:
+            yield (
+                "near_slack",
+                f"has {least[t, k]:.3g} N left to press it on its pulleys, of {rest:.4g} N at "
+                f"rest: below {percent(0.5 * NEAR_SLACK)} of it the run ends, and tensions may be "
+                "off by some percent",
+                int(t),
+                int(k),
+            )
+        share = np.sqrt(np.clip(thrown / np.maximum(tension, 1e-300), 0.0, 1.0))
+        t, k = np.unravel_index(int(np.argmax(share)), share.shape)
+        modes = params._model.sizes["MODES"] // len(params.pulleys)
+        off = abs(modes_off(min(float(share[t, k]), 0.99), modes))
+        if off[:LOWEST].max() > FAST:
+            yield (
+                "span_modes",
+                f"runs at {percent(share[t, k])} of the speed of its waves: with {modes} sine "
+                "modes the frequencies of its lateral vibrations are off by "
+                f"{', '.join(map(percent, off))}",
+                int(t),
+                int(k),
+            )
+    if deflection is not None and deflection.size:
+        waves = np.arange(1, 1 + deflection.shape[-1]) * np.pi / params.route.spans[:, None]
+        slope = np.sum(np.abs(deflection) * waves, axis=-1)
+        t, k = np.unravel_index(int(np.argmax(slope)), slope.shape)
+        if slope[t, k] > STEEP:
+            yield (
+                "steep_span",
+                f"swings with a slope of {slope[t, k]:.2g}: from {2.0 * STEEP:.2g} on, where what "
+                "its swing does to its length is no longer small, the run ends",
+                int(t),
+                int(k),
+            )

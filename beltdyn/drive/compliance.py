@@ -1,0 +1,305 @@
+"""How far the belt sinks into its pulleys, and what that does to tension, radii and creep.
+
+A belt under the tension T presses on a pulley of radius R with T/R per length, less what carries
+it round the curve, and the contact yields by p (MODEL section 3):
+
+    c1' p^2 + c2' p = (T lambda - rho A v^2) / R,    lambda = 1 + T / EA,
+
+lambda because the contact's data are per metre of the stress-free belt. So the belt runs on a
+circle of R - p, deeper where it is tight. Its path is shorter by the sum of wrap_k p_k, which takes
+EA / L times that off the tension between fixed axes; and because a belt sticks to a pulley where it
+arrives, a difference of p / R between two pulleys adds to the creep between them. A compensated
+contact begins outside of R by the p of the preload, so that only the differences from that remain.
+
+All this is of first order in p / R. Left out are the ends of a wrap (MODEL section 6, "Tension at
+rest", has them): the belt sinks in over a length of sqrt(T / c2') = R sqrt(p / R), in which
+friction acts further out, so that ratios change by less than is said here, by a fifth at p / R =
+0.5 %. Under load a belt whose bristles give does not stick where it arrives but uses the whole
+wrap: creep then grows by less, and what is said of it here is a bound.
+
+The ratio of p / R to the strain T / EA is EA / (c2' R^2), the same at any tension: with 0.01 the
+belt gives 100 times less in the contact than along itself, and tension and creep are right to 1 %.
+That is the stiffness chosen for a drive that states none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Protocol
+
+import attrs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..base.checks import Array
+from ..base.rounding import percent
+from .parts import Belt, Contact, Pulley
+from .route import Route
+
+__all__ = [
+    "Compliance",
+    "Drive",
+    "complete",
+    "compliance",
+    "compliance_error",
+    "depth_under",
+    "describe",
+    "running_radius",
+]
+
+#: Of a chosen contact, EA / (c2' R^2) on the smallest pulley: what the contact adds to creep.
+YIELD = 0.01
+#: Its damping as a share of critical, for the mass on its spring, link by link or metre by metre
+#: alike: what rings after a link has landed is down to 1/38 within one period, and the contact
+#: still follows a link that leaves, which from critical damping on it no longer does.
+DAMPING = 0.5
+#: Least creep that errors of creep are measured by, 0.1 %: slip is measured no better.
+CREEP = 1e-3
+
+
+class Drive(Protocol):
+    """The part of :class:`beltdyn.Params` that is needed here; it imports this module."""
+
+    @property
+    def belt(self) -> Belt:
+        """The belt."""
+
+    @property
+    def pulleys(self) -> tuple[Pulley, ...]:
+        """The pulleys."""
+
+    @property
+    def effective_contact(self) -> Contact:
+        """The contact with all its numbers."""
+
+    @property
+    def info(self) -> Mapping[str, float | int]:
+        """Quantities derived from the parameters."""
+
+    @property
+    def route(self) -> Route:
+        """The way of the belt."""
+
+    def label(self, pulley: int) -> str:
+        """Give what texts call a pulley."""
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Compliance:
+    """How far the belt of a drive sinks into its pulleys, and what follows from that.
+
+    Arrays (n_p, 2) have a column for each end of the wrap: where the belt meets the pulley, counted
+    in the order of the links, and where it leaves.
+
+    Attributes:
+        tension: Tension of the belt at the ends of each wrap (n_p, 2) [N].
+        depth: How far it has sunk in there (n_p, 2) [m].
+        relative_depth: That over the pulley's radius (n_p, 2).
+        radius: Radius on which it runs there (n_p, 2) [m]: that of the pulley less the depth, plus
+            what a compensated contact begins further out.
+        tension_change: What sinking in does to the mean tension, axes fixed [N]; negative: less.
+        relative_tension_change: That over the mean tension without it.
+        ratio_change: Relative change of the speed ratio of each pulley to pulley 0, omega_k /
+            omega_0, by the radii on which the belt arrives (n_p,).
+        creep_share: What the contact adds to the creep between two pulleys, as a share of what the
+            belt's stretch makes: EA / (c' R^2) of the pulley with the most, c' the stiffness of the
+            contact at the depth there.
+    """
+
+    tension: Array
+    depth: Array
+    relative_depth: Array
+    radius: Array
+    tension_change: float
+    relative_tension_change: float
+    ratio_change: Array
+    creep_share: float
+
+
+def complete(contact: Contact, belt: Belt, pulleys: tuple[Pulley, ...]) -> Contact:
+    """Give a contact with the numbers that it leaves open chosen for a drive.
+
+    ``linear`` is 100 EA / R^2 of the smallest pulley, so that the contact gives by a hundredth of
+    what the belt stretches: creep and tension are right to 1 % (the stiffness of a belt is known to
+    2 % at best), and the belt sinks in by less than 0.1 % of a radius up to strains of 10 %.
+    ``damping`` is half of critical, sqrt(c2' rho A). Neither depends on the mesh.
+
+    Args:
+        contact: As given, with numbers or without.
+        belt: The belt.
+        pulleys: The pulleys.
+
+    Returns:
+        The contact itself if it leaves nothing open.
+    """
+    if contact.linear is not None and contact.damping is not None:
+        return contact
+    smallest = min(pulley.radius for pulley in pulleys)
+    gives = YIELD * smallest**2
+    linear = belt.axial_stiffness / gives if gives > 0.0 else math.inf  # which is refused
+    critical = 2.0 * math.sqrt(linear * belt.linear_density)
+    damping = DAMPING * critical if contact.damping is None else contact.damping
+    return attrs.evolve(contact, linear=linear, damping=damping)
+
+
+def _numbers(params: Drive) -> tuple[float, float]:
+    contact = params.effective_contact
+    assert contact.linear is not None
+    return contact.quadratic, contact.linear
+
+
+def _radii(params: Drive) -> Array:
+    return np.array([pulley.radius for pulley in params.pulleys])
+
+
+def _depth(params: Drive, tension: Array, speed: float) -> Array:
+    """Give the depth of each pulley under tensions (n_p, m) [N] at a speed of the belt [m/s]."""
+    belt = params.belt
+    pull = tension * (1.0 + tension / belt.axial_stiffness) - belt.linear_density * speed**2
+    return depth_under(params, pull / _radii(params)[:, None])
+
+
+def depth_under(params: Drive, pressure: Array) -> Array:
+    """Give the depth [m] under forces per stress-free metre [N/m], 0 where these pull."""
+    c1, c2 = _numbers(params)
+    pushed = np.maximum(pressure, 0.0)
+    # The root in the form that is exact for c1' = 0 and for c2' = 0.
+    return np.asarray(2.0 * pushed / (c2 + np.sqrt(c2 * c2 + 4.0 * c1 * pushed)))
+
+
+def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) -> Array:
+    """Give the radius [m] on which belt runs under a tension [N].
+
+    Args:
+        params: The drive.
+        radius: Of the pulley [m].
+        tension: Of the belt there [N].
+        flow: Stress-free length that passes in a second [m/s].
+    """
+    belt, raised = params.belt, 0.0 * radius
+    stretch = 1.0 + tension / belt.axial_stiffness
+    pull = tension * stretch - belt.linear_density * (flow * stretch) ** 2
+    if params.effective_contact.compensate:
+        rest = float(params.info["strain_tension"])
+        raised = depth_under(params, rest * (1.0 + rest / belt.axial_stiffness) / radius)
+    return np.asarray(radius - depth_under(params, pull / radius) + raised)
+
+
+def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0.0) -> Compliance:
+    """Give how far the belt sinks into its pulleys, at rest or under load.
+
+    Args:
+        params: The drive.
+        tension: Tension of the span that follows each pulley (n_p,) [N], such as the mean of
+            ``result.span_tension`` over a steady part; None: at rest, the same all round.
+        speed: Speed of the belt [m/s], positive in the order of its links.
+
+    Returns:
+        Depths, running radii, and what they change against pulleys that do not yield.
+
+    Raises:
+        ValueError: Not one tension per pulley, or one that is negative or not finite; or the
+            contact is so soft that it leaves no tension at rest.
+    """
+    belt, info, radii = params.belt, params.info, _radii(params)
+    rest = np.full((radii.size, 2), float(info["strain_tension"]))
+    if tension is None:
+        left = 1.0 - info["contact_strain"] / info["strain"]
+        if not left > 0.0:
+            raise ValueError(
+                f"contact.linear is too small for belt.axial_stiffness = "
+                f"{belt.axial_stiffness:.4g} N: sinking into the pulleys takes all of the belt's "
+                f"strain of {info['strain']:.4g}"
+            )
+        pulls = left * rest
+    else:
+        after = np.asarray(tension, dtype=np.float64)
+        if after.shape != radii.shape or not np.all(np.isfinite(after) & (after >= 0.0)):
+            raise ValueError(
+                f"tension must be {radii.size} finite numbers >= 0 (N), one for the span after "
+                f"each pulley, got {tension!r}"
+            )
+        pulls = np.column_stack([np.roll(after, 1), after])
+    depth = _depth(params, pulls, speed)
+    compensated = params.effective_contact.compensate
+    raised = _depth(params, rest, 0.0) if compensated else np.zeros_like(depth)
+    smaller = depth - raised
+    shorter = float(np.sum(params.route.wraps * smaller.mean(axis=1)))
+    change = -belt.axial_stiffness * shorter / info["length"]
+    arrives = (1.0 - smaller / radii[:, None])[:, 0 if speed >= 0.0 else 1]
+    c1, c2 = _numbers(params)
+    stiffness = c2 + 2.0 * c1 * depth
+    return Compliance(
+        tension=pulls,
+        depth=depth,
+        relative_depth=depth / radii[:, None],
+        radius=radii[:, None] - smaller,
+        tension_change=change,
+        relative_tension_change=change / (float(pulls[:, 1].mean()) - change),
+        ratio_change=arrives[0] / arrives - 1.0,
+        creep_share=float(np.max(belt.axial_stiffness / (stiffness * radii[:, None] ** 2))),
+    )
+
+
+def compliance_error(
+    params: Drive, tension: ArrayLike | None = None, speed: float = 0.0
+) -> dict[str, float]:
+    """Estimate the errors that a yielding contact makes, against pulleys that do not yield.
+
+    Args:
+        params: The drive.
+        tension: As of :func:`compliance`.
+        speed: The same.
+
+    Returns:
+        Relative errors by quantity: "tension" and "span_mean" of the mean tension, by what sinking
+        in takes off it and by the shorter arm on which the torque acts; "speed" of the pulleys;
+        "creep" of the largest creep, at least 0.1 %; "friction" of the friction force on a pulley,
+        by the arm; "power" of the largest power at a pulley.
+
+    Raises:
+        ValueError: As of :func:`compliance`.
+    """
+    found = compliance(params, tension, speed)
+    radii = _radii(params)
+    arrives = 0 if speed >= 0.0 else 1
+    strain = found.tension[:, arrives] / params.belt.axial_stiffness
+    arm = 1.0 - found.radius / radii[:, None]
+    # The fastest rim is that at which the belt arrives tightest.
+    fastest = int(np.argmax(strain))
+    lost = float(np.max(np.abs(arm[:, arrives] - arm[fastest, arrives])))
+    shorter = float(np.max(np.abs(arm.mean(axis=1))))
+    uneven = 0.5 * float(np.ptp(found.tension)) / float(found.tension[:, 1].mean())
+    tensions = abs(found.relative_tension_change) + shorter * uneven
+    return {
+        "tension": tensions,
+        "span_mean": tensions,
+        "speed": lost,
+        "creep": lost / max(CREEP, float(np.ptp(strain))),
+        "friction": shorter,
+        "power": lost,
+    }
+
+
+def describe(params: Drive) -> str:
+    """Say in one line what sinking into the pulleys does to a drive at rest."""
+    found = compliance(params)
+    worst = int(np.argmax(found.relative_depth[:, 1]))
+    depth, share = found.depth[worst, 1], found.relative_depth[worst, 1]
+    ratio = float(np.max(np.abs(found.ratio_change)))
+    if params.effective_contact.compensate:
+        effect = ", which is made up for: it runs on the pulleys' radii at the preload"
+    else:
+        effect = (
+            f", which takes {percent(params.info['contact_strain'])} off the strain, "
+            f"{-found.tension_change:.3g} N ({percent(-found.relative_tension_change)}) off "
+            "the tension"
+        )
+        if ratio > 0.0:
+            effect += f" and changes the speed ratio by up to {100 * ratio:.1g} %"
+    return (
+        f"sinking into the pulleys: {1e3 * depth:.2g} mm on {params.label(worst)} "
+        f"({percent(share)} of its radius){effect}; adds some {percent(found.creep_share)} "
+        "to creep"
+    )

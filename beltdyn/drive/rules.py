@@ -1,0 +1,150 @@
+"""Rules of parameters: bounds, unit and meaning of every number, from ``csrc/fields.h``.
+
+The table there is shared by the C core, which checks the numbers again, and the classes of
+:mod:`beltdyn.drive.parts`, whose fields are checked and printed by it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import attrs
+
+from .. import _core
+from ..base import checks
+from ..base.columns import columns
+
+__all__ = ["Printable", "Rule", "from_table", "instance_of", "rules_of", "with_choice"]
+
+#: By name: wording, lower bound, whether it is excluded, upper bound.
+_RULES = {row[0]: row[1:] for row in _core.RULES}
+#: Group and name of those that the core knows and checks itself.
+_OF_CORE = {(row[0], row[1]) for row in _core.PARAMETERS}
+
+
+class Rule(NamedTuple):
+    """The rule of a field: a row of ``_core.PARAMETERS``, or of a number the core does not know."""
+
+    group: str
+    name: str
+    rule: str
+    unit: str
+    text: str
+
+    def check(self, value: object) -> Any:
+        """Check a value; give it as plain numbers.
+
+        Raises:
+            TypeError: Wrong kind.
+            ValueError: Rule broken.
+        """
+        label = f"{self.group}.{self.name}".lstrip(".")
+        if self.rule == "PAIR":
+            return checks.pair(label, value, self.unit)
+        if self.rule == "LINKS":
+            _, least, _, most = _RULES[self.rule]
+            return checks.integer(label, value, int(least), int(most))
+        if self.rule == "FLAG":
+            return checks.flag(label, value)
+        if (self.group, self.name) not in _OF_CORE:
+            return checks.positive(label, value, self.unit)
+        if self.rule == "POSITIVES":
+            return tuple(map(self._number, checks.real_numbers(label, value, self.unit)))
+        return self._number(value)
+
+    def _number(self, value: object) -> float:
+        label = f"{self.group}.{self.name}"
+        number = checks.real(label, value, self.unit)
+        _core.check_parameter(self.group, self.name, self.group, number)
+        return number
+
+    @property
+    def wording(self) -> str:
+        """What a number must be, as in "> 0"."""
+        wording: str = _RULES[self.rule][0]
+        return wording
+
+    def quantity(self, value: Any) -> str:
+        """Write a value with its unit."""
+        if value is None:
+            return "chosen"
+        if self.rule == "FLAG":
+            return "yes" if value else "no"
+        if isinstance(value, tuple):
+            number = f"({', '.join(f'{one:.10g}' for one in value)})"
+        else:
+            number = f"{value:.10g}"
+        return number if self.unit == "1" else f"{number} {self.unit}"
+
+
+def rules_of(group: str) -> dict[str, Rule]:
+    """Give the rules of a group of parameters, by name, in the order of the core's struct."""
+    return {row[1]: Rule(*row) for row in _core.PARAMETERS if row[0] == group}
+
+
+def instance_of(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+    """Give the validator of a field that holds a part of a drive."""
+
+    def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
+        if not isinstance(value, kind):
+            raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
+
+    return check
+
+
+def with_choice(
+    name: str, choices: Sequence[str]
+) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+    """Give the validator of a field that is one of some names."""
+
+    def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
+        checks.one_of(name, value, choices)
+
+    return check
+
+
+def from_table(
+    group: str, *others: Rule
+) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
+    """Give every field of a class its rule; one without must have a validator or a converter.
+
+    A field whose default is None may be left open.
+    """
+    rules = rules_of(group) | {rule.name: rule for rule in others}
+
+    def with_rule(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
+        rule = rules[field.name]
+        check: Any = rule.check
+        if field.default is None:
+            check = attrs.converters.optional(check)
+        return field.evolve(converter=check, metadata={"rule": rule})
+
+    def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+        return [
+            field if field.validator or field.converter else with_rule(field) for field in fields
+        ]
+
+    return transform
+
+
+class Printable:
+    """Base of classes whose fields have a rule or are such classes, or None: prints them all."""
+
+    __slots__ = ()
+
+    def _rows(self) -> list[tuple[str, str, str]]:
+        """Name, quantity and meaning of each field; of a part, those of its fields."""
+        rows = []
+        for field in attrs.fields(type(self)):  # type: ignore[arg-type]
+            value, rule = getattr(self, field.name), field.metadata.get("rule")
+            if rule is not None:
+                rows.append((field.name, rule.quantity(value), rule.text))
+            elif isinstance(value, str):
+                rows.append((field.name, value, ""))
+            elif value is not None:
+                rows += [(f"{field.name}.{name}", *others) for name, *others in value._rows()]
+        return rows
+
+    def __str__(self) -> str:
+        return "\n".join([type(self).__name__, *columns(self._rows(), "<")])

@@ -1,0 +1,519 @@
+"""Implausible data of a drive, found before it runs.
+
+Every limit below stands with the argument for it. They lead to warnings only; nothing is refused
+or changed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Protocol
+
+import attrs
+import numpy as np
+
+from .. import _core
+from ..base.checks import Array
+from ..base.rounding import percent
+from ..base.run_warnings import RunWarning
+from . import cells, compliance
+from .friction import Friction
+from .parts import Contact
+from .rules import rules_of
+
+__all__ = [
+    "check",
+    "describe_mesh",
+    "links",
+    "mesh_error",
+    "mesh_loss",
+    "mesh_share",
+    "of_mesh",
+    "shaken",
+    "shaking_seen",
+    "units",
+]
+
+# --- accuracy and plausibility of the drive ---
+
+#: Error of the mesh in the mean tension, as a share of it: 2 %, the best accuracy to which the
+#: stiffness of a belt is known.
+MESH = 0.02
+#: What is suggested instead of a coarser mesh of joints: 1 %.
+FINE_MESH = 0.01
+#: Errors of a mesh of joints in histories of span tensions (root mean square) and in their means,
+#: as shares of what straight links would add at rest: the medians of 144 meshes of 24 random drives
+#: at speeds that do not matter (below), eight in ten within factors of 2.2 and 3.3 of them.
+JOINT_ERRORS = {"tension": 1.0 / 15.0, "span_mean": 1.0 / 30.0}
+#: How much of what bending takes off the blows of links that land, per EI / (T l0^2): measured, on
+#: the drives of benchmarks/mesh_estimate.py.
+BENDING = 12.0
+#: Reinforced belts are installed at 0.1 to 2 %; from about 3 % on EA is not constant.
+STRAIN = 0.03
+#: Share of the radius by which the contact may shrink the circle on which the belt runs: half the
+#: speed that a well loaded drive loses to creep, some 1 %.
+COMPLIANCE = 0.005
+#: Links longer than this part of the radius turn by more than 29 degrees each on the pulley.
+LONG_LINK = 0.5
+#: Links that should lie on a wrap at least.
+FEW_LINKS = 1.5
+
+# --- units: values that no belt drive has, by a wide margin ---
+
+#: Wheels of cable cars and mine hoists, the largest there are, have radii of 2 to 4 m [m].
+RADIUS = 5.0
+#: I of a disc is pi/2 rho h R^4: here of water (1000 kg/m^3), 1 um thick [kg/m^2]. Lengths in mm
+#: make I/R^4 1e12 times too small; a "massless" pulley stays well above.
+DISC = 0.5 * math.pi * 1000.0 * 1e-6
+#: I / (2 T R^2) is the time in which all that the belt transmits gives a pulley 1 m/s at its rim:
+#: 0.0004 to 0.08 s of machines with their flywheels; a quarter of an hour to 10 m/s is no drive. In
+#: kg mm^2 inertias are a million times too large. Beyond ten days they are taken as the wish that a
+#: pulley keeps its speed whatever happens [s^2/m].
+HEAVY = (100.0, 1e6)
+#: A span of 1 m sags under its weight by g/(8 v^2), v^2 = tension/density, here by 5 %: it is
+#: slack rather than tight. Belts, ropes and tapes have v of 10 to 150 m/s; EA in kN or density in
+#: g/m divide it by 32 [m/s].
+WAVE_LOW = 5.0
+#: Longitudinal waves sqrt(EA/rho A): steel 5000 m/s, carbon fibre 18 000 m/s [m/s].
+WAVE_HIGH = 20e3
+#: Earth has 9.81; in mm/s^2 that is 9810. A hundred times Earth's is no machine [m/s^2].
+GRAVITY = 1000.0
+#: Friction develops over slips of a few mu_k/sigma (1/sigma where a huge mu_k is to prevent all
+#: slip); no belt creeps on its wrap by most of a radius. Measured: micrometres on metal, a
+#: millimetre on rubber [radii].
+BRISTLE = 0.25
+#: Belts have friction coefficients of 0.15 to 1.5 (V-belts three times that, at most 5), which are
+#: 15 to 500 in percent. With 15 a wrap of half a turn could already carry any torque (e^(15 pi)).
+#: Values above 500 are taken as the wish that nothing slips [1].
+PERCENT = (15.0, 500.0)
+
+
+class Drive(cells.Drive, Protocol):
+    """The part of :class:`beltdyn.Params` that is checked; it imports this module to print them."""
+
+    @property
+    def contact(self) -> Contact: ...
+    @property
+    def _slip_limits(self) -> tuple[Array, Array]: ...
+    def friction_on(self, pulley: int) -> Friction | None: ...
+    @property
+    def gravity(self) -> tuple[float, float]: ...
+    @property
+    def _compliance_error(self) -> dict[str, float]: ...
+
+
+def check(params: Drive) -> tuple[RunWarning, ...]:
+    """Give the warnings of the parameters alone: mesh, strain, compliance, long_links, units.
+
+    Args:
+        params: The drive.
+
+    Returns:
+        At most one warning for each code, several for "units"; of pulleys, the worst is named.
+    """
+    return tuple(_of_belt(params)) + tuple(_of_pulleys(params)) + tuple(_of_units(params))
+
+
+def mesh_share(params: Drive) -> float:
+    """Give what the mesh adds to the tension at rest, as a share of the tension without it [1].
+
+    Links lie on the pulleys as tangents and are longer than their arcs by (tan a)/a - 1, a half the
+    angle of a link; this stretches the belt by ``info["mesh_strain"]``. The contact yields to both
+    strains alike, so their ratio is that of the tensions. It decreases as 1/n_bodies^2.
+    """
+    info = params.info
+    return float(info["mesh_strain"] / info["strain"])
+
+
+def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[str, float]:
+    """Estimate the errors of the mesh in "tension" and "span_mean", relative to the mean tension.
+
+    At rest both are, on the paper's mesh, :func:`mesh_share`; where friction keeps it on the
+    pulleys, as near full slip, spans have down to a third of it. On a mesh of joints they are what
+    remains although its joints lie where the polygon is as long as the belt line: of links partly
+    on a pulley, and of how the belt was laid. That was measured to be a small part, much the same
+    from drive to drive, of what straight links would add, l0^2 / (12 L) sum(wrap / R) over the
+    strain (MODEL section 6).
+
+    A belt that runs is shaken by its links as they land, :func:`shaken` or, of a run,
+    :func:`shaking_seen`, over time as much again; and the arcs that hand on a force end anywhere
+    in a link, up to l0 / 2 from its middle, which makes pull l0 / (2 L) in the spans. All of it is
+    right to a factor of three or so, often better on slow drives with much load
+    (benchmarks/mesh_estimate.py).
+
+    Args:
+        params: The drive.
+        shaking: By how much links that land raise the mean tension, as a share of it [1].
+        pull: Largest difference of the tensions on two sides of a pulley [N].
+    """
+    info = params.info
+    if params._belt_facts["flows"]:
+        return cells.errors(params, pull)
+    if params._belt_facts["tangents"]:
+        found = dict.fromkeys(JOINT_ERRORS, mesh_share(params))
+    else:
+        polygon = (
+            info["link_length"] ** 2
+            / (12.0 * info["length"])
+            * np.sum(params.route.wraps / _radii(params))
+        )
+        share = float(polygon / info["strain"])
+        found = {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
+    ends = 0.5 * abs(pull) / info["strain_tension"] * info["link_length"] / info["length"]
+    found["tension"] += 2.0 * shaking + ends
+    found["span_mean"] += shaking + ends
+    return found
+
+
+def shaken(params: Drive, speed: float) -> float:
+    """Estimate by how much links that land raise the mean tension, as a share of it [1].
+
+    A link turns by l0 / R at once where it lands. On the way it points up to half of that off the
+    line of the span, evenly spread, so links move across it at v l0 / (sqrt(12) R), root mean
+    square. This is in the lateral waves of the span, whose mean square slope is that of these
+    speeds over T / (rho A), and half of it is the strain that they add. Bending spreads the turn
+    over more links. Damping takes off a part; waves that find their span in resonance, undamped,
+    add up to many times as much, which a run knows (:func:`shaking_seen`).
+    """
+    belt, info = params.belt, params.info
+    if params._belt_facts["flows"]:
+        return 0.0
+    length, tension = info["link_length"], info["strain_tension"]
+    slope = belt.linear_density * speed * speed / tension  # inf where speed**2 raises
+    slope *= float(np.mean((length / _radii(params)) ** 2)) / 12.0
+    slope /= 1.0 + BENDING * belt.bending_stiffness / (tension * length**2)
+    return float(0.5 * slope * np.sum(params.route.spans) / info["length"] / info["strain"])
+
+
+def shaking_seen(params: Drive, speed: float, across: float, time: float) -> float:
+    """Tell from a run by how much links that land raise the mean tension, as a share of it [1].
+
+    A belt that runs steadily moves along itself: where a link in a span has a velocity across its
+    own direction, a wave passes, whose slope is that velocity over sqrt(T / (rho A)) plus or minus
+    the belt's speed. Half of its mean square is strain. Of lateral vibration with other causes no
+    more is taken for the mesh's than the energy m (v l0 / R)^2 / 2 that each landing link brings.
+
+    Args:
+        params: The drive.
+        speed: Of the belt [m/s].
+        across: Square of the velocity across the links in the spans, a mean over time, the sum over
+            the number of all links [m^2/s^2].
+        time: How long the belt has run [s].
+    """
+    belt, info = params.belt, params.info
+    if params._belt_facts["flows"]:
+        return 0.0
+    tension, density = info["strain_tension"], belt.linear_density
+    strain = 0.5 * across / (tension / density + speed * speed)
+    landed = 0.5 * density * abs(speed) ** 3 * time
+    landed *= float(np.sum((info["link_length"] / _radii(params)) ** 2))
+    return float(min(strain, 0.5 * landed / (tension * info["length"])) / info["strain"])
+
+
+def mesh_loss(params: Drive, contact: float, friction: float) -> float:
+    """Estimate what the mesh makes of the power that is lost in the contact and to friction [W].
+
+    What dampers of the contact take is nearly all from links that land: each loses the energy
+    m (v l0 / R)^2 / 2 with which it turns. Friction is wrong by the share of a link in an arc; on
+    the paper's mesh by that of the tension as well, which straight links raise.
+
+    Args:
+        params: The drive.
+        contact: Lost in the dampers of the contact [W].
+        friction: Lost to friction [W].
+    """
+    if params._belt_facts["flows"]:
+        return abs(friction) * cells.errors(params, float(params.info["strain_tension"]))["tension"]
+    lie = params.route.wraps * _radii(params) / params.info["link_length"]
+    raised = mesh_share(params) if params._belt_facts["tangents"] else 0.0
+    return abs(contact) + abs(friction) * (1.0 / float(lie.min()) + raised)
+
+
+def _radii(params: Drive) -> Array:
+    return np.array([pulley.radius for pulley in params.pulleys])
+
+
+def bodies(params: Drive) -> str:
+    """Say of how many links, or point masses, the belt is made."""
+    return f"{params.info['n_bodies']} {params._belt_facts['nodes']}"
+
+
+def describe_mesh(params: Drive) -> str:
+    """Say in one line what the error of the mesh is."""
+    if params._belt_facts["flows"]:
+        return cells.describe(params)
+    belt, error, n_b = params.belt, mesh_error(params), params.info["n_bodies"]
+    # a run knows its speed and load; here, from which speed on landing links are the larger part
+    fast = math.sqrt(error["span_mean"] / max(shaken(params, 1.0), 1e-300))
+    running = (
+        f"links that land add as much at {fast:.2g} m/s, four times that at twice the speed, "
+        f"loads up to {percent(1.0 / n_b)}"  # all the tension: mesh_error, pull 2 T
+    )
+    if params._belt_facts["tangents"]:
+        strain = float(params.info["mesh_strain"])
+        return (
+            f"{n_b} straight links, longer than their arcs, add {percent(strain)} of "
+            f"strain, {strain * belt.axial_stiffness:.3g} N ({percent(error['span_mean'])}); "
+            f"{running}"
+        )
+    return (
+        f"with {bodies(params)} some {percent(error['span_mean'])} of the mean tension at rest, "
+        f"{percent(error['tension'])} of its history, several times that of creep; {running}; "
+        "known to a factor of three"
+    )
+
+
+def _stiff_enough(params: Drive, allowed: Array) -> float:
+    """Give the least contact.linear at which the belt sinks in no deeper than allowed [N/m^2]."""
+    radii, info = _radii(params), params.info
+    pull = info["strain_tension"] * (1.0 + info["strain"])
+    low, high = 0.0, float(np.max(pull / (radii * allowed)))
+    for _ in range(20):  # to 1e-6
+        middle = 0.5 * (low + high)
+        contact = attrs.evolve(params.contact, linear=middle)
+        stiffer: Drive = attrs.evolve(params, contact=contact)  # type: ignore[misc]
+        if np.all(compliance.compliance(stiffer).depth[:, 0] <= allowed):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def of_mesh(
+    params: Drive, error: float | None = None, landing: float = 0.0, speed: float = 0.0
+) -> Iterator[RunWarning]:
+    """Warn of a mesh whose error in mean tensions is 2 % or more.
+
+    Args:
+        params: The drive.
+        error: The error, of a run; None: that at rest.
+        landing: The part of it that is of links that land.
+        speed: Of the belt, in a run [m/s].
+    """
+    rest, facts = mesh_error(params)["span_mean"], params._belt_facts
+    when, error = (" at rest", rest) if error is None else ("", error)
+    if error < MESH:
+        return
+    if facts["flows"]:
+        yield RunWarning(
+            code="mesh",
+            text=f"{bodies(params)} are few for this load: the mesh alone may put mean tensions "
+            f"off by some {percent(error)}, creep by several times that; "
+            f"{cells.finer(params, error, FINE_MESH)} makes tensions right to {percent(FINE_MESH)}",
+            accuracy=True,
+        )
+        return
+    ends = max(0.0, error - rest - landing)
+    lost = ", creep by several times that"
+    if landing >= max(rest, ends):
+        why = f"links that land at {speed:.3g} m/s shake the belt"
+        lost = ", losses in the contact are of these blows"
+    elif ends > rest:
+        why = f"{bodies(params)} are few for this load, which takes a part of a link of each arc"
+    elif facts["tangents"]:
+        why = f"{params.info['n_bodies']} straight links are longer than the arcs they lie on"
+    else:
+        why = f"{bodies(params)} are few for pulleys as small as these"
+    # square / finer^2 + ends / finer = allowed; tan a / a - 1 falls faster: it is enough
+    allowed, square = MESH if facts["tangents"] else FINE_MESH, error - ends
+    finer = (ends + math.hypot(ends, 2.0 * math.sqrt(square * allowed))) / (2.0 * allowed)
+    yield RunWarning(
+        code="mesh",
+        text=f"{why}: the mesh alone may put mean tensions off by some {percent(error)}{when}"
+        f"{lost}; {links(params.info['n_bodies'] * finer)} makes tensions right to about "
+        f"{percent(allowed)}{when}" + (f". {facts['note']}" if facts["note"] else ""),
+        accuracy=True,
+    )
+
+
+def _of_belt(params: Drive) -> Iterator[RunWarning]:
+    belt, info = params.belt, params.info
+    yield from of_mesh(params)
+    strain = info["strain"]
+    if strain > STRAIN:
+        path = info["path_length"]
+        asked = (
+            f"belt.preload = {belt.preload:.4g} N right? With {STRAIN * belt.axial_stiffness:.3g} N"
+            if belt.preload is not None
+            else f"belt.length = {info['length']:.4g} m right? The belt line is {path:.4g} m long; "
+            f"belt.length = {_up(path / (1.0 + STRAIN), 4):.4g}"
+        )
+        gives = "it would be" if belt.preload is not None else "gives"
+        yield RunWarning(
+            code="strain",
+            text=f"the belt is stretched by {percent(strain)} at rest, to "
+            f"{_preload(params):.4g} N, with EA taken as constant: is {asked} {gives} "
+            f"{percent(STRAIN)}",
+        )
+
+
+def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
+    radii, info = _radii(params), params.info
+    sunk = compliance.compliance(params)
+    depth = sunk.depth[:, 0]
+    worst = int(np.argmax(depth / radii))
+    if depth[worst] > COMPLIANCE * radii[worst]:
+        needed = _stiff_enough(params, COMPLIANCE * radii)
+        effect = (
+            "which is made up for at rest, but not under load"
+            if params.effective_contact.compensate
+            else "and runs on a circle smaller by that, which lowers its tension at rest by "
+            f"{percent(-sunk.relative_tension_change)}"
+        )
+        yield RunWarning(
+            code="compliance",
+            text=f"at the preload the belt sinks {1e3 * depth[worst]:.2g} mm into "
+            f"{params.label(worst)}, {percent(depth[worst] / radii[worst])} of its radius, "
+            f"{effect}; contact.linear = {_up(needed, 2):.2g} keeps the depth below "
+            f"{percent(COMPLIANCE)}",
+            where=params.label(worst),
+            accuracy=True,
+        )
+    if params._belt_facts["flows"]:
+        yield from cells.limits(params)
+        return
+    small = int(np.argmin(radii))
+    if info["link_length"] > LONG_LINK * radii[small]:
+        yield RunWarning(
+            code="long_links",
+            text=f"links of {1e3 * info['link_length']:.3g} mm are long for "
+            f"{params.label(small)}, whose radius is {1e3 * radii[small]:.3g} mm: "
+            "the belt may run over it as over a polygon, or hook on it, by more than the "
+            "estimated error of the mesh; "
+            f"{links(info['length'] / (LONG_LINK * radii[small]))} makes them short enough",
+            where=params.label(small),
+            accuracy=True,
+        )
+        return
+    lie = params.route.wraps * radii / info["link_length"]
+    short = int(np.argmin(lie))
+    if lie[short] < FEW_LINKS:
+        yield RunWarning(
+            code="long_links",
+            text=f"only {lie[short]:.2g} links lie on {params.label(short)}, whose wrap is "
+            f"{np.degrees(params.route.wraps[short]):.3g} deg: now and then none touches it, and a "
+            f"stiff contact chatters; {links(info['n_bodies'] * FEW_LINKS / lie[short])} or a "
+            "longer wrap help, and a softer contact calms it",
+            where=params.label(short),
+            accuracy=True,
+        )
+
+
+def _preload(params: Drive) -> float:
+    """Give the preload that was asked for, or that of the belt's length [N]."""
+    return float(params.belt.preload or params.info["strain_tension"])
+
+
+def _of_units(params: Drive) -> Iterator[RunWarning]:
+    belt, tension = params.belt, _preload(params)
+    large = max(range(len(params.pulleys)), key=lambda k: params.pulleys[k].radius)
+    radius = params.pulleys[large].radius
+    light = min(
+        range(len(params.pulleys)),
+        key=lambda k: params.pulleys[k].inertia / params.pulleys[k].radius ** 4,
+    )
+    pulley = params.pulleys[light]
+    if radius > RADIUS:
+        yield units(
+            f"{params.label(large)} has a radius of {radius:.4g} m: are lengths in mm?",
+            params.label(large),
+        )
+    elif pulley.inertia < DISC * pulley.radius**4:
+        thickness = pulley.inertia / (DISC * pulley.radius**4)
+        yield units(
+            f"with {pulley.inertia:.3g} kg m^2 at a radius of {pulley.radius:.4g} m "
+            f"{params.label(light)} is as light as a disc of water {thickness:.2g} um thick: "
+            "are lengths in mm?",
+            params.label(light),
+        )
+    slowest = [pulley.inertia / (2.0 * tension * pulley.radius**2) for pulley in params.pulleys]
+    heavy = int(np.argmax(slowest))
+    if HEAVY[0] < slowest[heavy] < HEAVY[1]:
+        yield units(
+            f"{params.label(heavy)} has {params.pulleys[heavy].inertia:.3g} kg m^2, to which all "
+            f"that a belt of {tension:.4g} N transmits gives 1 m/s in {slowest[heavy]:.3g} s: is "
+            "it in kg mm^2? (To hold a speed, prescribe the motion.)",
+            params.label(heavy),
+        )
+    wave = math.sqrt(tension / belt.linear_density)
+    if wave < WAVE_LOW:
+        yield units(
+            f"a preload of {tension:.4g} N is little for a belt of "
+            f"{belt.linear_density:.3g} kg/m, whose spans would sag under their weight: is EA in "
+            "kN, or linear_density in g/m or kg/m^3 (density times cross-section is needed)?",
+            "belt",
+        )
+    sound = math.sqrt(belt.axial_stiffness / belt.linear_density)
+    if sound > WAVE_HIGH:
+        yield units(
+            f"with EA = {belt.axial_stiffness:.3g} N and {belt.linear_density:.3g} kg/m stretch "
+            f"waves run along the belt at {sound:.3g} m/s, in steel at 5000: is EA a modulus in "
+            "Pa, or the density in kg/mm or t/m?",
+            "belt",
+        )
+    pull = math.hypot(*params.gravity)
+    if pull > GRAVITY:
+        yield units(f"gravity is {pull:.4g} m/s^2: is it in mm/s^2?", "gravity")
+    yield from _of_friction(params)
+
+
+def _of_friction(params: Drive) -> Iterator[RunWarning]:
+    """Doubt the friction of each law once, on the pulley where it is first."""
+    kinetic, developed = params._slip_limits
+    least = min(pulley.radius for pulley in params.pulleys)
+    seen: list[Friction] = []
+    for k, pulley in enumerate(params.pulleys):
+        friction = params.friction_on(k)
+        if friction is None or friction in seen:
+            continue
+        seen.append(friction)
+        where = "friction" if pulley.friction is None else params.label(k)
+        if PERCENT[0] <= kinetic[k] <= PERCENT[1]:
+            yield units(
+                f"a friction coefficient of {_coefficient(friction)} = {kinetic[k]:.4g} is far "
+                "above those of belts, 0.15 to 5: is it in percent? (To prevent all slip, take "
+                "1e3 or more.)",
+                where,
+            )
+        bristle = developed[k] * min(1.0, 1.0 / kinetic[k])
+        if bristle > BRISTLE * least:
+            yield units(
+                f"{_stiffness(friction)}friction develops over slips of more than "
+                f"{1e3 * bristle:.3g} mm, on a pulley radius of {1e3 * least:.3g} mm: "
+                "is its stiffness given per mm?",
+                where,
+            )
+
+
+def _coefficient(friction: Friction) -> str:
+    """Name the first parameter without a unit."""
+    names = (rule.name for rule in rules_of(friction.law).values() if rule.unit == "1")
+    return next(names, "mu")
+
+
+def _stiffness(friction: Friction) -> str:
+    """Quote the stiffness, a parameter per metre of slip, if the law has one."""
+    for rule in rules_of(friction.law).values():
+        if rule.unit in ("1/m", "N/m^2"):
+            return f"with {rule.name} = {rule.quantity(getattr(friction, rule.name))} "
+    return ""
+
+
+def units(text: str, where: str, t: float | None = None) -> RunWarning:
+    """Give a warning of the code "units"."""
+    return RunWarning(code="units", text=text, where=where, t=t)
+
+
+def _up(value: float, digits: int) -> float:
+    """Round up to that many significant digits."""
+    unit = 10.0 ** (math.floor(math.log10(value)) - digits + 1)
+    return math.ceil(value / unit) * unit
+
+
+def links(least: float) -> str:
+    """Suggest a number of links: the next ten."""
+    number = 10 * math.ceil(least / 10.0)
+    if number > _core.MAX_LINKS:
+        return "no allowed number of links, only more preload,"
+    return f"n_bodies = {number}"

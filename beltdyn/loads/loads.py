@@ -1,0 +1,511 @@
+"""Loads and other torques on single pulleys, which the C core evaluates itself.
+
+Each acts on one pulley, given by its index or its name, and they are added with ``+``, to one
+another and to torques on all pulleys. Torques that resist the rotation have positive
+numbers, others are counter-clockwise positive (MODEL section 5).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import attrs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .. import _core
+from ..base.checks import Array, pair, real, real_array, shown
+from ..base.naming import PulleyLike, as_pulley, index_of, label
+from .torques import PiecewiseLinear, Torque, index_alone, on_pulley
+
+__all__ = [
+    "EQUAL",
+    "Harmonics",
+    "Load",
+    "Motor",
+    "Ramp",
+    "SpeedTable",
+    "Step",
+    "as_row",
+    "as_row_or_none",
+    "harmonic_fields",
+    "named",
+]
+
+EQUAL = attrs.cmp_using(eq=np.array_equal)
+
+
+def named(cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+    """Tell the converters of a class what messages call its fields (a field transformer)."""
+
+    def bound(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
+        converter: Any = field.converter
+        name = f"{cls.__name__}.{field.name}"
+        return field.evolve(converter=lambda value: converter(value, name))
+
+    return [field if field.converter is None else bound(field) for field in fields]
+
+
+def as_row(value: ArrayLike, name: str = "value") -> Array:
+    """Check numbers (n,)."""
+    return real_array(name, value, ndim=1)
+
+
+def as_row_or_none(value: ArrayLike | None, name: str = "value") -> Any:
+    """Check numbers (n,), unless there are none."""
+    return None if value is None else as_row(value, name)
+
+
+def _pulley(value: PulleyLike, name: str = "value") -> PulleyLike:
+    return as_pulley(name, value)
+
+
+def _pulley_or_none(value: PulleyLike | None, name: str = "value") -> PulleyLike | None:
+    return None if value is None else as_pulley(name, value)
+
+
+def _number(value: float, name: str = "value") -> float:
+    return real(name, value)
+
+
+def _resisting(value: float, name: str = "value") -> float:
+    number = real(name, value)
+    if number < 0.0:
+        raise ValueError(f"{name} must be >= 0, for it acts against the rotation, got {number:g}")
+    return number
+
+
+def _check_factor(owner: object, field: attrs.Attribute[Any], value: object) -> None:
+    name = f"{type(owner).__name__}.{field.name}"
+    if value is None:
+        return
+    if not isinstance(value, PiecewiseLinear):
+        raise TypeError(f"{name} must be a PiecewiseLinear of factors, got {shown(value)}")
+    if value.pulley is not None or value.values.shape[1] != 1:
+        raise ValueError(f"{name} must have one value per time and name no pulley")
+
+
+def _check_resisting_factor(owner: object, field: attrs.Attribute[Any], value: object) -> None:
+    _check_factor(owner, field, value)
+    if isinstance(value, PiecewiseLinear) and (value.values < 0.0).any():
+        raise ValueError(
+            f"{type(owner).__name__}.factor must be >= 0: a load turned round drives a pulley that "
+            "turns and does nothing to one at rest, which so never starts; what drives is a Motor"
+        )
+
+
+def _ramp(value: float | Sequence[float] | None, name: str = "ramp") -> tuple[float, float] | None:
+    if value is None:
+        return None
+    begin, end = pair(name, value, "s") if np.ndim(value) else (0.0, real(name, value, "s"))
+    if not end > begin:
+        raise ValueError(f"{name} must end after it begins, got {begin:g} s and {end:g} s")
+    return begin, end
+
+
+def harmonic_fields(owner: Any) -> None:
+    """Check orders, amplitudes and phases; no phases are zeros.
+
+    Raises:
+        ValueError: An order is not > 0, there is none, or their numbers differ.
+    """
+    name, n = type(owner).__name__, owner.orders.size
+    if owner.phases is None:
+        object.__setattr__(owner, "phases", real_array("phases", np.zeros(n), ndim=1))
+    if n == 0:
+        raise ValueError(f"{name}.orders must hold at least one order")
+    if (owner.orders <= 0.0).any():
+        k = int(np.argmax(owner.orders <= 0.0))
+        raise ValueError(f"{name}.orders must be > 0, got {owner.orders[k]:g} at [{k}]")
+    for field in ("amplitudes", "phases"):
+        if getattr(owner, field).size != n:
+            raise ValueError(
+                f"{name}.{field} must have one value for each of the {n} order(s), "
+                f"got {getattr(owner, field).size}"
+            )
+
+
+def _check_points(owner: SpeedTable | Motor) -> None:
+    name, omega, torque = type(owner).__name__, owner.omega, owner.torque
+    if torque.size != omega.size:
+        raise ValueError(
+            f"{name}.torque must have one value for each of the {omega.size} speed(s), "
+            f"got {torque.size}"
+        )
+    if (np.diff(omega) <= 0.0).any():
+        k = int(np.argmax(np.diff(omega) <= 0.0))
+        raise ValueError(
+            f"{name}.omega must be increasing, got {omega[k]:g} rad/s before {omega[k + 1]:g}"
+        )
+
+
+class _OnOnePulley(Torque):
+    """What the torques of this module share: the pulley, the printed form, a factor over time."""
+
+    __slots__ = ()
+    pulley: PulleyLike
+    factor: PiecewiseLinear | None
+
+    @property
+    def n_pulleys(self) -> None:
+        """None: it acts on ``pulley``, in a drive of any number of pulleys."""
+        return None
+
+    def _index(self, pulleys: Sequence[str], path: str, field: str = "pulley") -> int:
+        return index_of(f"{path}.{field}", getattr(self, field), pulleys)
+
+    def _index_alone(self, n_pulleys: int, field: str = "pulley") -> int:
+        name = f"{type(self).__name__}.{field}"
+        return index_alone(name, getattr(self, field), n_pulleys)
+
+    def _over_time(self) -> PiecewiseLinear | None:
+        return self.factor
+
+    def _core_factor(self) -> tuple[Array, Array] | None:
+        factor = self._over_time()
+        return None if factor is None else (factor.t, factor.values[:, 0])
+
+    def _at(self, theta: Array, omega: Array, index: int) -> float:
+        """Torque for angles and speeds, without the factor."""
+        raise NotImplementedError
+
+    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
+        """Give the torques (n_p,) [N m]; against a rotation of 0 they are 0."""
+        angles, speeds = np.asarray(theta, dtype=float), np.asarray(omega, dtype=float)
+        index = self._index_alone(speeds.size)
+        over_time = self._over_time()
+        factor = 1.0 if over_time is None else float(over_time.at(t)[0])
+        return on_pulley(index, factor * self._at(angles, speeds, index), speeds.size)
+
+    def _fields(self) -> dict[str, Any]:
+        cls: Any = type(self)
+        return {field.name: getattr(self, field.name) for field in attrs.fields(cls)}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy is checked and immutable as well.
+        return _made, (type(self), self._fields())
+
+    def __repr__(self) -> str:
+        given = ", ".join(
+            f"{name}={value.tolist() if isinstance(value, np.ndarray) else value!r}"
+            for name, value in self._fields().items()
+            if value is not None
+        )
+        return f"{type(self).__name__}({given})"
+
+    def _with_factor(self, text: str) -> str:
+        factor = self._over_time()
+        if factor is None:
+            return text
+        t, values = factor.t, factor.values
+        return f"{text}, times {values.min():g} to {values.max():g} from {t[0]:g} to {t[-1]:g} s"
+
+
+def _made(cls: type, fields: dict[str, Any]) -> Any:
+    return cls(**fields)
+
+
+@attrs.frozen(repr=False, field_transformer=named)
+class Load(_OnOnePulley):
+    """A load that resists the rotation of a pulley, in either direction.
+
+    At the speed omega its torque is ``-(coulomb s + viscous omega + quadratic omega |omega|)``,
+    with the sign s of omega made smooth as that of bearing drag (:class:`beltdyn.Drag`): within
+    ``params.info["drag_speed"]`` at the rim it turns over, so that a pulley at rest under a smaller
+    torque is not locked but creeps. ``Load(1, quadratic=2e-4)`` is a fan.
+
+    Attributes:
+        pulley: Index or name of the pulley.
+        coulomb: Part that does not depend on speed [N m], >= 0.
+        viscous: Part in proportion to speed [N m s/rad], >= 0.
+        quadratic: Part in proportion to speed squared [N m s^2/rad^2], >= 0.
+        factor: Factor over time, >= 0, a :class:`PiecewiseLinear` of one value per time, to switch
+            the load: ``PiecewiseLinear([0.2, 0.25], [0, 1])``; None: 1.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    _in_proportion = ("coulomb", "viscous", "quadratic")
+    pulley: PulleyLike = attrs.field(converter=_pulley)
+    coulomb: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
+    viscous: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
+    quadratic: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
+    factor: PiecewiseLinear | None = attrs.field(
+        default=None, validator=_check_resisting_factor, kw_only=True
+    )
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        against = [self.coulomb, self.viscous, self.quadratic]
+        return [("load", self._index(pulleys, path), against, self._core_factor())]
+
+    def _at(self, theta: Array, omega: Array, index: int) -> float:
+        w = float(omega[index])
+        return -float(self.coulomb * np.sign(w) + self.viscous * w + self.quadratic * w * abs(w))
+
+    def __str__(self) -> str:
+        parts = [
+            f"{name} {getattr(self, name):g} {unit}"
+            for name, unit in (
+                ("coulomb", "N m"),
+                ("viscous", "N m s/rad"),
+                ("quadratic", "N m s^2/rad^2"),
+            )
+            if getattr(self, name) != 0.0
+        ]
+        return self._with_factor(f"load on {label(self.pulley, ())}, {', '.join(parts) or 'none'}")
+
+
+@attrs.frozen(repr=False, field_transformer=named)
+class SpeedTable(_OnOnePulley):
+    """The load torque of an accessory over its speed, from a table: alternator, pump, compressor.
+
+    At the speed omega its torque is ``-s M(|omega|)``: it resists the rotation in either direction,
+    with the smooth sign s of :class:`Load`. M is linear between the points of the table, and
+    constant below the first and above the last. A pulley that turns more than a hundredth faster
+    than the last point is a warning of the run (``beyond_table``). What drives, and starts a pulley
+    from rest, is a :class:`Motor`.
+
+    Attributes:
+        pulley: Index or name of the pulley.
+        omega: Speeds, magnitudes (n,) [rad/s], >= 0 and increasing.
+        torque: Torque that the accessory takes at these speeds (n,) [N m], >= 0.
+        factor: Factor over time, as in :class:`Load`; None: 1.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    _in_proportion = ("torque",)
+    pulley: PulleyLike = attrs.field(converter=_pulley)
+    omega: Array = attrs.field(converter=as_row, eq=EQUAL)
+    torque: Array = attrs.field(converter=as_row, eq=EQUAL)
+    factor: PiecewiseLinear | None = attrs.field(
+        default=None, validator=_check_resisting_factor, kw_only=True
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if self.omega.size == 0:
+            raise ValueError("SpeedTable.omega must hold at least one speed")
+        for name, values in (("omega", self.omega), ("torque", self.torque)):
+            if (values < 0.0).any():
+                k = int(np.argmax(values < 0.0))
+                raise ValueError(
+                    f"SpeedTable.{name} must be >= 0, for the table holds magnitudes of torques "
+                    f"against the rotation, got {values[k]:g} at [{k}]"
+                )
+        _check_points(self)
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        index = self._index(pulleys, path)
+        return [("table", index, self.omega, self.torque, self._core_factor())]
+
+    def _at(self, theta: Array, omega: Array, index: int) -> float:
+        w = float(omega[index])
+        return float(-np.sign(w) * np.interp(abs(w), self.omega, self.torque))
+
+    def __str__(self) -> str:
+        return self._with_factor(
+            f"load on {label(self.pulley, ())} over its speed, {self.omega.size} point(s) from "
+            f"{self.omega[0]:g} to {self.omega[-1]:g} rad/s, {self.torque.min():g} to "
+            f"{self.torque.max():g} N m"
+        )
+
+
+@attrs.frozen(repr=False, field_transformer=named)
+class Motor(_OnOnePulley):
+    """The torque of a motor over the speed of its pulley, from a table; at rest too, so it starts.
+
+    Speeds and torques are counter-clockwise positive, each of either sign: torque with the speed
+    drives, torque against it brakes. Linear between the points of the table, constant below the
+    first and above the last, beyond which the run warns (``beyond_table``). An induction motor of
+    1500 1/min that turns clockwise, with starting, breakdown and rated torque, none at 157 rad/s
+    and braking beyond it, switched on within 0.2 s::
+
+        bd.Motor("crank", [-165, -157, -150, -120, 0], [12, 0, -10, -25, -18], ramp=0.2)
+
+    Attributes:
+        pulley: Index or name of the pulley.
+        omega: Speeds (n,) [rad/s], n >= 2, increasing, of either sign.
+        torque: Torque at these speeds (n,) [N m], of either sign.
+        ramp: Time from 0 on in which the torque rises from nothing to that of the table [s], or
+            (begin, end) of the rise; None: it is there from the beginning.
+        factor: Factor over time, as in :class:`Load` but of either sign, in place of ``ramp``.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    _in_proportion = ("torque",)
+    pulley: PulleyLike = attrs.field(converter=_pulley)
+    omega: Array = attrs.field(converter=as_row, eq=EQUAL)
+    torque: Array = attrs.field(converter=as_row, eq=EQUAL)
+    ramp: tuple[float, float] | None = attrs.field(default=None, converter=_ramp, kw_only=True)
+    factor: PiecewiseLinear | None = attrs.field(
+        default=None, validator=_check_factor, kw_only=True
+    )
+
+    def __attrs_post_init__(self) -> None:
+        if self.omega.size < 2:
+            raise ValueError(
+                f"Motor.omega must hold at least two speeds, got {self.omega.size}: a torque "
+                "that does not depend on speed is a Ramp or a Step"
+            )
+        _check_points(self)
+        if self.ramp is not None and self.factor is not None:
+            raise ValueError("Motor.ramp and Motor.factor are both given: put the rise in factor")
+
+    def _over_time(self) -> PiecewiseLinear | None:
+        return self.factor if self.ramp is None else PiecewiseLinear(self.ramp, [0.0, 1.0])
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        index = self._index(pulleys, path)
+        return [("curve", index, self.omega, self.torque, self._core_factor())]
+
+    def _at(self, theta: Array, omega: Array, index: int) -> float:
+        return float(np.interp(omega[index], self.omega, self.torque))
+
+    def __str__(self) -> str:
+        return self._with_factor(
+            f"motor on {label(self.pulley, ())} over its speed, {self.omega.size} points from "
+            f"{self.omega[0]:g} to {self.omega[-1]:g} rad/s, {self.torque.min():g} to "
+            f"{self.torque.max():g} N m"
+        )
+
+
+@attrs.frozen(repr=False, field_transformer=named)
+class Harmonics(_OnOnePulley):
+    """A torque that goes with an angle: ``sum_k amplitudes[k] cos(orders[k] theta + phases[k])``.
+
+    theta is the angle of a pulley: gas and inertia torques of an engine over its crank, the torque
+    of a compressor over its own shaft. Steps are no longer than half the period of the highest
+    order.
+
+    Attributes:
+        pulley: Index or name of the pulley on which it acts.
+        orders: Orders (n,), periods per revolution, real numbers > 0.
+        amplitudes: Amplitudes (n,) [N m].
+        phases: Phases (n,) [rad]; None: zeros.
+        of: Index or name of the pulley whose angle counts; None: that on which it acts.
+        factor: Factor over time, as in :class:`Load`; None: 1.
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    _in_proportion = ("amplitudes",)
+    pulley: PulleyLike = attrs.field(converter=_pulley)
+    orders: Array = attrs.field(converter=as_row, eq=EQUAL)
+    amplitudes: Array = attrs.field(converter=as_row, eq=EQUAL)
+    phases: Array = attrs.field(default=None, converter=as_row_or_none, eq=EQUAL)
+    of: PulleyLike | None = attrs.field(
+        default=None,
+        converter=_pulley_or_none,
+        kw_only=True,
+    )
+    factor: PiecewiseLinear | None = attrs.field(
+        default=None, validator=_check_factor, kw_only=True
+    )
+
+    def __attrs_post_init__(self) -> None:
+        harmonic_fields(self)
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        index = self._index(pulleys, path)
+        of = index if self.of is None else self._index(pulleys, path, "of")
+        harmonics = (self.orders, self.amplitudes, self.phases)
+        return [("harmonics", index, of, *harmonics, self._core_factor())]
+
+    def _at(self, theta: Array, omega: Array, index: int) -> float:
+        of = index
+        if self.of is not None:
+            of = self._index_alone(theta.size, "of")
+        return float(self.amplitudes @ np.cos(self.orders * theta[of] + self.phases))
+
+    def __str__(self) -> str:
+        of = self.pulley if self.of is None else self.of
+        orders = ", ".join(f"{order:g}" for order in self.orders)
+        return self._with_factor(
+            f"harmonics on {label(self.pulley, ())} over the angle of {label(of, ())}, orders "
+            f"{orders}, up to {np.abs(self.amplitudes).max():g} N m"
+        )
+
+
+class _OverTime(_OnOnePulley):
+    """A torque on one pulley that is a function of time alone."""
+
+    __slots__ = ()
+    factor = None
+
+    def _history(self) -> PiecewiseLinear:
+        raise NotImplementedError
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        return self._history()._core_terms(pulleys, path)
+
+    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
+        """Give the torques (n_p,) [N m]; at a jump those after it."""
+        return self._history()(t, theta, omega)
+
+
+@attrs.frozen(repr=False, field_transformer=named)
+class Step(_OverTime):
+    """A torque on one pulley that is there from a time on: 0 before, ``torque`` after it.
+
+    Attributes:
+        pulley: Index or name of the pulley.
+        t: Time of the jump [s].
+        torque: Torque after it, counter-clockwise [N m].
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    _in_proportion = ("torque",)
+    pulley: PulleyLike = attrs.field(converter=_pulley)
+    t: float = attrs.field(converter=_number)
+    torque: float = attrs.field(converter=_number)
+
+    def _history(self) -> PiecewiseLinear:
+        return PiecewiseLinear([self.t, self.t], [0.0, self.torque], self.pulley)
+
+    def __str__(self) -> str:
+        return f"step on {label(self.pulley, ())}, {self.torque:g} N m from {self.t:g} s on"
+
+
+@attrs.frozen(repr=False, field_transformer=named)
+class Ramp(_OverTime):
+    """A torque on one pulley that rises linearly: 0 before, ``torque`` after it.
+
+    Attributes:
+        pulley: Index or name of the pulley.
+        t_begin: Time at which it begins to rise [s].
+        t_end: Time from which on it is ``torque`` [s], after ``t_begin``.
+        torque: Torque in the end, counter-clockwise [N m].
+
+    Raises:
+        TypeError, ValueError: A field breaks its rule.
+    """
+
+    _in_proportion = ("torque",)
+    pulley: PulleyLike = attrs.field(converter=_pulley)
+    t_begin: float = attrs.field(converter=_number)
+    t_end: float = attrs.field(converter=_number)
+    torque: float = attrs.field(converter=_number)
+
+    def __attrs_post_init__(self) -> None:
+        if self.t_end <= self.t_begin:
+            raise ValueError(
+                f"Ramp.t_end must be > t_begin ({self.t_begin:g} s), got {self.t_end:g} s"
+                + (": a jump is a Step" if self.t_end == self.t_begin else "")
+            )
+
+    def _history(self) -> PiecewiseLinear:
+        return PiecewiseLinear([self.t_begin, self.t_end], [0.0, self.torque], self.pulley)
+
+    def __str__(self) -> str:
+        return (
+            f"ramp on {label(self.pulley, ())}, to {self.torque:g} N m from {self.t_begin:g} to "
+            f"{self.t_end:g} s"
+        )

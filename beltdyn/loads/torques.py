@@ -1,0 +1,494 @@
+"""Torques that the C core evaluates itself, and other objects that can be used as torques.
+
+All torques are the set torques M_d of (2.12), counter-clockwise positive, one per pulley [N m].
+"""
+
+from __future__ import annotations
+
+import ctypes
+import numbers
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any, ClassVar, Self, TypeAlias
+
+import attrs
+import numpy as np
+from numpy.typing import ArrayLike
+
+from .. import _core
+from ..base.checks import Array, real_array, refuse_masked
+from ..base.naming import PulleyLike, as_pulley, index_of, label, names_of
+
+__all__ = [
+    "PiecewiseLinear",
+    "Torque",
+    "TorqueLike",
+    "TorqueSum",
+    "Viscous",
+    "as_terms",
+    "index_alone",
+    "on_pulley",
+]
+
+#: A torque object, ``f(t, theta, omega) -> n_p values``, or a compiled C function.
+TorqueLike: TypeAlias = "Torque | Callable[[float, Array, Array], ArrayLike] | Any"
+
+_EQUAL = attrs.cmp_using(eq=np.array_equal)
+_SIGNATURE = "void f(double t, double *theta, double *omega, double *torque, void *user)"
+
+
+class Torque:
+    """Base class of the torques that the C core evaluates itself.
+
+    ``+`` adds them, ``*`` multiplies them by a number.
+
+    They can also be called like any torque function, and then give the numbers of the core; loads,
+    whose sign turns smoothly with the speed in the core, but for speeds round 0.
+    """
+
+    __slots__ = ()
+
+    @property
+    def n_pulleys(self) -> int | None:
+        """Number of pulleys it is for, n_p; None: it acts on a pulley that it names."""
+        raise NotImplementedError
+
+    def terms(self, pulleys: Sequence[str] | None = None) -> list[_core.TorqueTerm]:
+        """Give the terms the C core evaluates.
+
+        Args:
+            pulleys: ``Params.pulley_names`` of the drive. May be left out if ``n_pulleys`` is
+                known; none of the pulleys has a name then.
+
+        Raises:
+            TypeError: They are needed.
+            ValueError: The torque is for another number of pulleys, or names one that is not there.
+        """
+        if pulleys is None:
+            if self.n_pulleys is None:
+                raise TypeError("terms() needs the pulleys' names where n_pulleys is None")
+            pulleys = names_of([None] * self.n_pulleys)
+        return self._terms(pulleys, "torque_fn")
+
+    def _terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        """Give the terms; messages call the torque ``path``."""
+        if self.n_pulleys is not None and self.n_pulleys != len(pulleys):
+            raise ValueError(
+                f"{path} must give one torque for each of the {len(pulleys)} pulley(s), "
+                f"got a torque for {self.n_pulleys}"
+            )
+        return self._core_terms(pulleys, path)
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        raise NotImplementedError
+
+    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
+        """Give the torques (n_p,) [N m] at a time, for angles and speeds (n_p,)."""
+        raise NotImplementedError
+
+    def __add__(self, other: object) -> TorqueSum:
+        if not isinstance(other, Torque):
+            return NotImplemented
+        return TorqueSum([*_parts(self), *_parts(other)])
+
+    #: The fields in proportion to which the torque is.
+    _in_proportion: ClassVar[tuple[str, ...]] = ()
+
+    def __mul__(self, factor: object) -> Self:
+        """Give this torque times a number, where all of it is in proportion to some fields."""
+        if isinstance(factor, bool) or not isinstance(factor, numbers.Real):
+            return NotImplemented
+        if not self._in_proportion:
+            raise TypeError(f"{type(self).__name__} cannot be multiplied by a number")
+        owner: Any = self
+        times = float(factor)
+        scaled = {name: times * getattr(self, name) for name in self._in_proportion}
+        multiplied: Self = attrs.evolve(owner, **scaled)
+        return multiplied
+
+    __rmul__ = __mul__
+
+
+def _parts(torque: Torque) -> Sequence[Torque]:
+    return torque.parts if isinstance(torque, TorqueSum) else (torque,)
+
+
+def _times(value: ArrayLike) -> Array:
+    t = real_array("PiecewiseLinear.t", value, ndim=1)
+    if t.size == 0:
+        raise ValueError("PiecewiseLinear.t must hold at least one time")
+    if (np.diff(t) < 0.0).any():
+        k = int(np.argmax(np.diff(t) < 0.0))
+        raise ValueError(
+            f"PiecewiseLinear.t must be non-decreasing, got {t[k]:g} s before {t[k + 1]:g} s"
+        )
+    if (t[2:] == t[:-2]).any():
+        k = int(np.argmax(t[2:] == t[:-2]))
+        raise ValueError(
+            f"PiecewiseLinear.t must hold a time at most twice (a jump), got {t[k]:g} s three times"
+        )
+    return t
+
+
+def _values(value: ArrayLike) -> Array:
+    refuse_masked("PiecewiseLinear.values", value)
+    try:
+        of_one_pulley = np.ndim(value) == 1
+    except ValueError:  # rows of different lengths
+        of_one_pulley = False
+    if not of_one_pulley:
+        return real_array("PiecewiseLinear.values", value, ndim=2)
+    return real_array("PiecewiseLinear.values", value, ndim=1)[:, None]
+
+
+def _pulley_or_none(value: object) -> PulleyLike | None:
+    return None if value is None else as_pulley("PiecewiseLinear.pulley", value)
+
+
+def index_alone(name: str, pulley: object, n_pulleys: int) -> int:
+    """Give the index of a pulley where there is no drive to look for a name in.
+
+    Raises:
+        ValueError: It is given by name, or is not there.
+    """
+    if isinstance(pulley, str):
+        raise ValueError(
+            f"{name} is the name {pulley!r}: give an index to evaluate the torque without a drive"
+        )
+    return index_of(name, pulley, names_of([None] * n_pulleys))
+
+
+def on_pulley(index: int, torque: ArrayLike, n_pulleys: int) -> Array:
+    """Give a torque on one pulley as torques on all, (..., n_p)."""
+    out = np.zeros((*np.shape(torque), n_pulleys))
+    out[..., index] = torque
+    return out
+
+
+@attrs.frozen(repr=False)
+class PiecewiseLinear(Torque):
+    """Values given at times, linear between them, constant before the first and after the last.
+
+    Torques; or, for one pulley, the speed of a prescribed motion (:func:`beltdyn.simulate`), or the
+    factor over time of a load.
+
+    The paper's driving torque of case 1 on two pulleys: ``PiecewiseLinear([0, 0.3],
+    [[0, 0], [-100, 0]])``, or ``PiecewiseLinear([0, 0.3], [0, -100], pulley=0)``.
+
+    Attributes:
+        t: Times (n_t,) [s], non-decreasing; a time given twice is a jump.
+        values: Torques (n_t, n_p) [N m], or speeds (n_t, 1) [rad/s], or factors (n_t, 1). Of one
+            column they may be given as (n_t,).
+        pulley: Index or name of the pulley that ``values``, then of one column, are for; None: they
+            are for all pulleys of the drive.
+
+    Raises:
+        TypeError: Not real numbers.
+        ValueError: A rule is broken; the message names field and rule.
+    """
+
+    _in_proportion = ("values",)
+    t: Array = attrs.field(converter=_times, eq=_EQUAL)
+    values: Array = attrs.field(converter=_values, eq=_EQUAL)
+    pulley: PulleyLike | None = attrs.field(default=None, converter=_pulley_or_none)
+
+    @values.validator
+    def _check_values(self, _field: attrs.Attribute[Array], values: Array) -> None:
+        if values.shape[0] != self.t.size or values.shape[1] == 0:
+            raise ValueError(
+                "PiecewiseLinear.values must have shape (n_t, n_p) = "
+                f"({self.t.size}, n_p), got {values.shape}"
+            )
+
+    @pulley.validator
+    def _check_pulley(
+        self, _field: attrs.Attribute[PulleyLike | None], pulley: PulleyLike | None
+    ) -> None:
+        if pulley is not None and self.values.shape[1] != 1:
+            raise ValueError(
+                "PiecewiseLinear.values must have one column where the pulley is given, "
+                f"got shape {self.values.shape}"
+            )
+
+    @property
+    def n_pulleys(self) -> int | None:
+        """Number of pulleys, the columns of ``values``; None: it acts on ``pulley``."""
+        return int(self.values.shape[1]) if self.pulley is None else None
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        if self.pulley is None:
+            return [("piecewise", self.t, self.values)]
+        index = index_of(f"{path}.pulley", self.pulley, pulleys)
+        return [("piecewise", self.t, on_pulley(index, self.values[:, 0], len(pulleys)))]
+
+    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
+        """Interpolate; at a jump the value after it."""
+        value = self.at(t)
+        if self.pulley is None:
+            return value
+        n = np.size(omega)
+        return on_pulley(index_alone("PiecewiseLinear.pulley", self.pulley, n), value[0], n)
+
+    def at(self, t: float) -> Array:
+        """Interpolate the rows of ``values``; at a jump the row after it."""
+        k = int(np.searchsorted(self.t, t, side="right"))
+        if k == 0 or k == self.t.size:
+            return np.array(self.values[max(k - 1, 0)])
+        share = (t - self.t[k - 1]) / (self.t[k] - self.t[k - 1])
+        return np.asarray(self.values[k - 1] + share * (self.values[k] - self.values[k - 1]))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy is checked and immutable as well.
+        return type(self), (self.t, self.values, self.pulley)
+
+    def __repr__(self) -> str:
+        pulley = "" if self.pulley is None else f", pulley={self.pulley!r}"
+        return f"PiecewiseLinear(t={self.t.tolist()}, values={self.values.tolist()}{pulley})"
+
+    def __str__(self) -> str:
+        where = f"{self.n_pulleys} pulley(s)" if self.pulley is None else label(self.pulley, ())
+        return self.described(f"{where}, ", "N m")
+
+    def described(self, where: str, unit: str) -> str:
+        """Say in words how many times and which values there are, which may be no torques."""
+        return (
+            f"piecewise linear, {self.t.size} time(s) from {self.t[0]:g} to {self.t[-1]:g} s, "
+            f"{where}{self.values.min():g} to {self.values.max():g} {unit}"
+        )
+
+
+def _coefficients(value: ArrayLike) -> Array:
+    coefficients = real_array("Viscous.coefficients", value, ndim=1)
+    if coefficients.size == 0:
+        raise ValueError("Viscous.coefficients must hold one value per pulley, got none")
+    return coefficients
+
+
+@attrs.frozen(repr=False)
+class Viscous(Torque):
+    """A torque against the motion, -coefficient_j omega_j; (2.13) of the paper has 100/(2 pi).
+
+    Attributes:
+        coefficients: One per pulley (n_p,) [N m s/rad]; negative ones drive.
+
+    Raises:
+        TypeError: Not real numbers.
+        ValueError: A rule is broken; the message names field and rule.
+    """
+
+    _in_proportion = ("coefficients",)
+    coefficients: Array = attrs.field(converter=_coefficients, eq=_EQUAL)
+
+    @property
+    def n_pulleys(self) -> int:
+        """Number of pulleys, the length of ``coefficients``."""
+        return self.coefficients.size
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        return [("viscous", self.coefficients)]
+
+    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
+        """Give -coefficient_j omega_j."""
+        return np.asarray(-self.coefficients * np.asarray(omega))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy is checked and immutable as well.
+        return type(self), (self.coefficients,)
+
+    def __repr__(self) -> str:
+        return f"Viscous(coefficients={self.coefficients.tolist()})"
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{value:g}" for value in self.coefficients)
+        return f"viscous, coefficients ({values}) N m s/rad"
+
+
+def _summands(value: Sequence[Torque]) -> tuple[Torque, ...]:
+    parts = tuple(value)
+    if not parts:
+        raise ValueError("torque must hold at least one torque")
+    for k, part in enumerate(parts):
+        if not isinstance(part, Torque):
+            raise TypeError(f"torque[{k}] must be a torque object, got {part!r}")
+        first = _number_of(parts[:k])
+        if first is not None and part.n_pulleys not in (None, first):
+            raise ValueError(
+                f"torque[{k}] must be for {first} pulley(s) like the first, "
+                f"got one for {part.n_pulleys}"
+            )
+    return parts
+
+
+def _number_of(parts: Sequence[Torque]) -> int | None:
+    return next((part.n_pulleys for part in parts if part.n_pulleys is not None), None)
+
+
+@attrs.frozen(repr=False)
+class TorqueSum(Torque):
+    """A sum of torque objects, as ``+`` makes it.
+
+    Attributes:
+        parts: The summands; those that are not for single pulleys are for the same number of them.
+
+    Raises:
+        TypeError, ValueError: A summand is not a torque object, or has another number of pulleys.
+    """
+
+    parts: tuple[Torque, ...] = attrs.field(converter=_summands)
+
+    def __mul__(self, factor: object) -> TorqueSum:
+        if isinstance(factor, bool) or not isinstance(factor, numbers.Real):
+            return NotImplemented
+        return TorqueSum([part * factor for part in self.parts])
+
+    __rmul__ = __mul__
+
+    @property
+    def n_pulleys(self) -> int | None:
+        """Number of pulleys of the parts that are for all; None: all name single pulleys."""
+        return _number_of(self.parts)
+
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        return [
+            term
+            for k, part in enumerate(self.parts)
+            for term in part._terms(pulleys, f"{path}[{k}]")
+        ]
+
+    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
+        """Add up the parts."""
+        return np.asarray(sum(part(t, theta, omega) for part in self.parts))
+
+    def __repr__(self) -> str:
+        return " + ".join(map(repr, self.parts))
+
+    def __str__(self) -> str:
+        return "\n+ ".join(map(str, self.parts))
+
+
+def as_terms(
+    torque_fn: TorqueLike, pulleys: Sequence[str], path: str = "torque_fn"
+) -> list[_core.TorqueTerm]:
+    """Turn anything a user may pass as torque into terms for the C core.
+
+    Compiled functions are passed as addresses: the caller must keep ``torque_fn`` alive.
+
+    Args:
+        torque_fn: A torque object; a compiled function (ctypes, cffi, Numba ``cfunc``, SciPy's
+            ``LowLevelCallable``) ``void f(double t, const double *theta, const double *omega,
+            double *torque, void *user)``; or a Python callable ``f(t, theta, omega)`` returning
+            n_p values.
+        pulleys: ``Params.pulley_names`` of the drive, n_p of them.
+        path: What messages call a torque object.
+
+    Raises:
+        TypeError: None of these, or a compiled function with another signature.
+        ValueError: A torque object for another number of pulleys, or on one that is not there.
+    """
+    if isinstance(torque_fn, Torque):
+        return torque_fn._terms(pulleys, path)
+    compiled = _compiled(torque_fn)
+    if compiled is not None:
+        return [("function", *compiled)]
+    if callable(torque_fn):
+        return [("call", torque_fn)]
+    raise TypeError(
+        "torque_fn must be callable as f(t, theta, omega), a torque object or a compiled function, "
+        f"got {torque_fn!r}"
+    )
+
+
+def _compiled(function: Any) -> tuple[int, int] | None:
+    """Addresses of a compiled function and of its user data; None if it is not compiled."""
+    if _is_cffi(function):
+        return _cffi_function(function), 0
+    if isinstance(function, ctypes._CFuncPtr):  # type: ignore[attr-defined]
+        return _ctypes_function(function), 0
+    if type(function).__name__ == "PyCapsule":
+        return _capsule_function(function), 0
+    if type(function).__module__.partition(".")[0] == "numba" and hasattr(function, "address"):
+        return _ctypes_function(function.ctypes), 0
+    if type(function).__name__ == "LowLevelCallable" and isinstance(function, tuple):
+        inner = _compiled(function.function)  # type: ignore[attr-defined]
+        if inner is None:
+            raise TypeError(f"torque_fn: no compiled function in {function!r}")
+        return inner[0], _user_data(function.user_data)  # type: ignore[attr-defined]
+    return None
+
+
+def _wrong(found: str) -> TypeError:
+    return TypeError(f"torque_fn must be compiled as {_SIGNATURE}, got {found}")
+
+
+def _ctypes_function(function: Any) -> int:
+    kinds = function.argtypes
+    # Functions of a library carry no types until the user sets them.
+    if kinds is not None:
+        pointers = (ctypes.POINTER(ctypes.c_double), ctypes.c_void_p)
+        fits = (
+            function.restype is None
+            and len(kinds) == 5
+            and kinds[0] is ctypes.c_double
+            and all(kind in pointers for kind in kinds[1:4])
+            and issubclass(kinds[4], (ctypes.c_void_p, ctypes._Pointer))
+        )
+        if not fits:
+            names = ", ".join(kind.__name__ for kind in kinds)
+            raise _wrong(f"argtypes ({names}) and restype {function.restype}")
+    address = ctypes.cast(function, ctypes.c_void_p).value
+    if not address:
+        raise ValueError("torque_fn must not be a null pointer")
+    return address
+
+
+def _is_cffi(thing: Any) -> bool:
+    backend = sys.modules.get("_cffi_backend")
+    return backend is not None and isinstance(thing, backend._CDataBase)
+
+
+def _cffi_address(pointer: Any) -> int:
+    return int(sys.modules["_cffi_backend"].FFI().cast("uintptr_t", pointer))
+
+
+def _cffi_function(function: Any) -> int:
+    kind = sys.modules["_cffi_backend"].typeof(function)
+    fits = (
+        kind.kind == "function"
+        and kind.result.kind == "void"
+        and len(kind.args) == 5
+        and kind.args[0].cname == "double"
+        and all(arg.cname in ("double *", "void *") for arg in kind.args[1:4])
+        and kind.args[4].kind == "pointer"
+    )
+    if not fits:
+        raise _wrong(kind.cname)
+    return _cffi_address(function)
+
+
+def _capsule(capsule: Any) -> tuple[int, str | None]:
+    """Address and name of a PyCapsule."""
+    name_of = ctypes.pythonapi.PyCapsule_GetName
+    name_of.restype, name_of.argtypes = ctypes.c_char_p, [ctypes.py_object]
+    pointer_of = ctypes.pythonapi.PyCapsule_GetPointer
+    pointer_of.restype, pointer_of.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
+    name = name_of(capsule)
+    return pointer_of(capsule, name), None if name is None else name.decode()
+
+
+def _capsule_function(capsule: Any) -> int:
+    address, name = _capsule(capsule)
+    # SciPy's convention: the name of a capsule is the signature.
+    squeezed = (name or "").replace("const", "").replace(" ", "")
+    if squeezed != "void(double,double*,double*,double*,void*)":
+        raise _wrong(f"a capsule named {name!r}")
+    return address
+
+
+def _user_data(data: Any) -> int:
+    if data is None:
+        return 0
+    if isinstance(data, ctypes.c_void_p):
+        return data.value or 0
+    if _is_cffi(data):
+        return _cffi_address(data)
+    return _capsule(data)[0]

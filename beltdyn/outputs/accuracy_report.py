@@ -1,0 +1,421 @@
+"""How accurate a run is, as its result says it: errors by quantity and by origin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Protocol
+
+import attrs
+import numpy as np
+
+from ..base import html
+from ..base.checks import Array
+from ..base.columns import columns
+from ..base.rounding import percent
+from ..drive import sanity
+from ..drive.sanity import Drive
+from .averages import LAST, time_weights
+from .histories import ContactHistory, EnergyLedger, JointHistory, Stats
+from .spans import span_tension
+from .state import State
+
+__all__ = [
+    "SPACE_FLOOR",
+    "TIME_FLOOR",
+    "WORDS",
+    "Accuracy",
+    "Expected",
+    "QuantityError",
+    "Running",
+    "known",
+    "running",
+]
+
+#: Errors in time below this are not told apart: histories are compared as they are sampled, and a
+#: millionth is beyond what any datum of a belt is known to.
+TIME_FLOOR = 1e-6
+#: The same in space: other meshes are integrated in time to no better than about this.
+SPACE_FLOOR = 1e-4
+
+#: Samples at which tensions are looked at; all change what they show by 1 to 3 %.
+LOOKS = 100
+
+#: Least friction force by which its errors are measured, as a share of the tension.
+FAINT = 1e-2
+
+#: The quantities whose error in time the integration estimates.
+TENSIONS = ("tension", "span_mean")
+
+#: The quantities in engineers' words.
+WORDS = {
+    "tension": "tension of the spans over time",
+    "speed": "speed of the pulleys over time",
+    "span_mean": "mean tension of the spans",
+    "creep": "creep",
+    "friction": "friction on the pulleys",
+    "power": "power and loss",
+}
+
+#: The same in a sentence.
+SHORT = {"tension": "tension over time", "speed": "speed over time", "span_mean": "mean tension"}
+
+
+@attrs.frozen(kw_only=True)
+class QuantityError:
+    """Estimated errors of one quantity, relative to its scale [1]; None where one is not known.
+
+    :class:`beltdyn.accuracy.Observed` describes the quantities and their scales. Histories are
+    judged by their root mean square difference, the others by the difference of means.
+
+    Attributes:
+        quantity: One of ``beltdyn.accuracy.QUANTITIES``.
+        time: Error of the integration in time; ``1e-6`` stands for anything below.
+        space: Error of the mesh; ``1e-4`` stands for anything below.
+        order: Observed order p: the error of the mesh falls as 1/n_bodies^p. None where meshes
+            differ without a trend, as where links that run on to the pulleys are most of the error.
+        compliance: What contact that yields changes against rigid pulleys.
+    """
+
+    quantity: str
+    time: float | None = None
+    space: float | None = None
+    order: float | None = None
+    compliance: float | None = None
+
+    @property
+    def known(self) -> float | None:
+        """Sum of those that are known; None unless that of the mesh is."""
+        if self.space is None:
+            return None
+        return (self.time or 0.0) + self.space + (self.compliance or 0.0)
+
+    @property
+    def total(self) -> float | None:
+        """Sum of the three; None unless those in time and in space are known."""
+        if self.time is None or self.space is None:
+            return None
+        return self.time + self.space + (self.compliance or 0.0)
+
+
+@attrs.frozen(kw_only=True)
+class Accuracy:
+    """What is known of the accuracy of a run; ``print`` it for a table.
+
+    Without ``simulate(..., verify=True)`` this is what costs nothing: of tensions the upper
+    estimate of the error in time, ``stats.error``, and the size of the error of the mesh, from the
+    angles of its links, how they shake the belt as they land, and the torques
+    (:func:`beltdyn.drive.sanity.mesh_error`); of friction and power that of the mesh, from what the
+    run has lost in the contact (:func:`beltdyn.drive.sanity.mesh_loss`, needs the ledger); of every
+    quantity what the compliance of the contact changes; the local error, and the energy balance.
+    The errors of speed and creep in time and of the mesh are not known then; of creep they can be
+    many times those of tension.
+
+    Attributes:
+        verified: Whether other runs have shown the errors in time and in space of every quantity.
+        errors: By quantity. ``accuracy["creep"]`` gives one of them.
+        until: Time from which on histories part exponentially [s]: up to there they were compared,
+            beyond it only means can be right. None: they do not.
+        local_error: Largest *local* error of a step (``stats.local_error``): what the error
+            control keeps, not the error of the result.
+        balance: Largest residual of the energy balance over the energy transmitted.
+        runs: The runs that verified this one, in words.
+        notes: What was not verified, and why; what was noticed and has no consequence.
+    """
+
+    verified: bool = False
+    errors: tuple[QuantityError, ...]
+    until: float | None = None
+    local_error: float | None = None
+    balance: float = 0.0
+    runs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, quantity: str) -> QuantityError:
+        """Give the errors of a quantity.
+
+        Raises:
+            KeyError: There is none of that name.
+        """
+        for one in self.errors:
+            if one.quantity == quantity:
+                return one
+        raise KeyError(quantity)
+
+    def foreseen(self, expected: Expected) -> Accuracy:
+        """Give the same with the errors that pilot runs have shown in place of estimates.
+
+        Means of tension are no further off than its history, of which a pilot knows.
+        """
+        quantity, space, time = attrs.astuple(expected)
+        names = TENSIONS if quantity in TENSIONS else (quantity,)
+        errors = tuple(
+            attrs.evolve(
+                one,
+                time=max(TIME_FLOOR, time),
+                space=one.space if math.isnan(space) else max(SPACE_FLOOR, space),
+            )
+            if one.quantity in names
+            else one
+            for one in self.errors
+        )
+        note = f"errors of {WORDS[quantity]}: as pilot runs on coarser meshes foresaw them"
+        return attrs.evolve(self, errors=errors, notes=(*self.notes, note))
+
+    def summary(self) -> list[tuple[str, str]]:
+        """Give the whole error of tensions and creep in a few rows of label and text."""
+        rows = [("accuracy, measured" if self.verified else "accuracy, estimated", "")]
+        for name in ("tension", "span_mean", "creep", "power"):
+            one = self[name]
+            parts = [
+                ("in time", one.time, self._in_time(one)),
+                ("of the mesh", one.space, _share(one.space, SPACE_FLOOR)),
+                ("of contact", one.compliance or None, _share(one.compliance, 0.0)),
+            ]
+            text = ", ".join(f"{share} {part}" for part, value, share in parts if value is not None)
+            if one.total is not None:
+                text = f"{_share(one.total, 0.0)}: {text}"
+            else:
+                unknown = [part for part, value, _ in parts[:2] if value is None]
+                text = f"not known {' and '.join(unknown)}" + (f"; {text}" if text else "")
+            rows.append((f"  {WORDS[name]}", text))
+        if not self.verified:
+            rows.append(("  measured", "with verify=True, on the command line --verify"))
+        return rows
+
+    def sentence(self) -> str:
+        """Give the sum of the errors of each quantity in a sentence."""
+        known = [
+            f"{SHORT.get(one.quantity, one.quantity)} {_share(one.total, 0.0)}"
+            for one in self.errors
+            if one.total is not None
+        ]
+        told = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
+        if any(one.total is not None for one in self.errors if one.quantity in TENSIONS):
+            told += " (of time, mesh and contact together; tensions: of the mean of all spans)"
+        unknown = {
+            part: [
+                SHORT.get(one.quantity, one.quantity)
+                for one in self.errors
+                if one.total is None and (one.space is None) == (part == "of")
+            ]
+            for part in ("of", "in time of")
+        }
+        if not any(unknown.values()):
+            return f"{told}."
+        names = ", ".join(f"{part} {', '.join(some)}" for part, some in unknown.items() if some)
+        how = "" if self.verified else " (verify=True measures them)"
+        return f"{told}{'; ' if known else ''}not known {names}{how}."
+
+    def _in_time(self, one: QuantityError) -> str:
+        share = _share(one.time, TIME_FLOOR)
+        return share if self.verified or share.startswith("<") else f"at most {share}"
+
+    def table(self) -> list[tuple[str, ...]]:
+        """Give the errors as rows of text, the heading first."""
+        rows: list[tuple[str, ...]] = [
+            ("error of", "in time", "of the mesh", "order", "of contact", "sum")
+        ]
+        for one in self.errors:
+            rows.append(
+                (
+                    WORDS[one.quantity],
+                    _share(one.time, TIME_FLOOR),
+                    _share(one.space, SPACE_FLOOR),
+                    "-" if one.order is None else f"{one.order:.1f}",
+                    _share(one.compliance, 0.0),
+                    _share(one.total, 0.0),
+                )
+            )
+        return rows
+
+    def remarks(self) -> Iterator[str]:
+        """Give what stands below the table, a sentence each."""
+        if not self.verified:
+            yield (
+                f"not verified{' in full' if self.runs else ''}: without other runs errors of "
+                "tensions in time are upper estimates, those of the mesh right to a factor of three"
+            )
+        if self.until is not None:
+            yield (
+                f"from t = {self.until:.4g} s on small differences grow, and no tolerance makes "
+                "histories right: they are judged up to there, means over the end of the run"
+            )
+        yield f"energy balance closed to {abs(self.balance):.2g} of the energy transmitted"
+        yield from (f"verified by {run}" for run in self.runs)
+        yield from self.notes
+
+    def _repr_html_(self) -> str:
+        heading, *rows = self.table()
+        return "\n".join([html.table_of(heading, rows), *html.paragraphs(self.remarks())])
+
+    def __str__(self) -> str:
+        lines = columns(self.table(), indent="")
+        return "\n".join([*lines, *(f"  {remark}" for remark in self.remarks())])
+
+
+@attrs.frozen(kw_only=True)
+class Expected:
+    """Errors of a run that pilot runs on other meshes have shown, for ``simulate(expected=...)``.
+
+    Attributes:
+        quantity: What they are errors of, one of ``beltdyn.accuracy.QUANTITIES``.
+        space: Error of the mesh [1]; NaN: the pilot ran on this mesh alone.
+        time: Error in time [1].
+    """
+
+    quantity: str
+    space: float = attrs.field(converter=float)
+    time: float = attrs.field(converter=float)
+
+
+class Run(Protocol):
+    """The part of :class:`beltdyn.Result` that is needed here; it imports this module."""
+
+    @property
+    def t(self) -> Array: ...
+    @property
+    def contact(self) -> ContactHistory: ...
+    @property
+    def joints(self) -> JointHistory: ...
+    @property
+    def energy(self) -> EnergyLedger | None: ...
+    @property
+    def stats(self) -> Stats: ...
+    @property
+    def params(self) -> Drive: ...
+    @property
+    def prescribed(self) -> tuple[str, ...]: ...
+    @property
+    def _running(self) -> Running | None: ...
+    def _has(self, name: str) -> bool: ...
+
+
+def known(run: Run) -> Accuracy:
+    """Give what is known of the accuracy of a run without another run.
+
+    ``stats.error`` is that of all joint forces, which no span's tension exceeds by much.
+    """
+    stats, of_contact = run.stats, run.params._compliance_error
+    with np.errstate(all="ignore"):  # a failed run may end with huge numbers
+        of_mesh = {name: value for name, value in _of_mesh(run).items() if math.isfinite(value)}
+    return Accuracy(
+        errors=tuple(
+            QuantityError(
+                quantity=name,
+                time=None if name not in TENSIONS or not stats.error else stats.error,
+                space=max(SPACE_FLOOR, of_mesh[name]) if name in of_mesh else None,
+                compliance=of_contact[name],
+            )
+            for name in WORDS
+        ),
+        local_error=stats.local_error,
+        balance=stats.balance,
+    )
+
+
+@attrs.frozen(kw_only=True)
+class Running:
+    """How a run moves and loads its belt, the same whatever outputs are kept.
+
+    Attributes:
+        speed: Of the fastest rim, root mean square over the last part; the belt's but for creep
+            [m/s].
+        shaking: By how much links that land raise the mean tension then [1].
+        shaking_over_time: The same over the whole run.
+        pull: Largest difference of the mean tensions on two sides of a pulley, of its torque [N].
+        power: Largest mean power of a torque [W].
+    """
+
+    speed: float
+    shaking: float
+    shaking_over_time: float
+    pull: float = 0.0
+    power: float = 0.0
+
+
+def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
+    """Read off a run how it moves and loads its belt.
+
+    Args:
+        params: The drive.
+        t: Sample times (n_t,) [s].
+        arrays: ``beltdyn.outputs.selection.EVERY_RUN`` by name, n_t rows each.
+        end: Its last state, of whose speeds a run of one sample is taken to be.
+    """
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    omega, torque, across = arrays["omega"], arrays["torque"], arrays["across"][:, 0]
+    if t.size < 2:
+        speed = float(np.max(np.abs(end.omega * radii)))
+        shaken = sanity.shaken(params, speed)
+        return Running(speed=speed, shaking=shaken, shaking_over_time=shaken)
+    rims, lasts = np.max(np.abs(omega * radii), axis=1) ** 2, float(t[-1] - t[0])
+    there = np.flatnonzero(~np.isnan(across))  # looked at in some samples
+
+    def seen(last: float) -> tuple[float, float]:
+        speed = math.sqrt(float(time_weights(t, t[-1] - last * lasts) @ rims))
+        late = there[t[there] >= t[-1] - last * lasts]
+        square = float(np.mean(across[late if late.size else there]))
+        return speed, sanity.shaking_seen(params, speed, square, lasts)
+
+    speed, shaken = seen(LAST)
+    found = Running(speed=speed, shaking=shaken, shaking_over_time=seen(1.0)[1])
+    if not lasts > 0.0:
+        return found
+    # Means: motions that are prescribed need torques that jump with every link.
+    late = time_weights(t, t[-1] - LAST * lasts)
+    most = 2.0 * float(params.info["strain_tension"])  # all it can hold
+    pull = min(most, float(np.max(np.abs(late @ torque) / radii)))
+    power = float(np.max(np.abs(late @ (torque * omega))))
+    return attrs.evolve(found, pull=pull, power=power)
+
+
+def _vibration(run: Run) -> float:
+    """Give how much the tensions of spans vibrate in the end, root mean square [N].
+
+    Where small differences grow exponentially, other meshes vibrate as much at other phases.
+    """
+    t, n_p = run.t, len(run.params.pulleys)
+    rows = np.flatnonzero(t >= t[-1] - LAST * (t[-1] - t[0]))
+    rows = rows[:: 1 + rows.size // LOOKS]
+    tension = span_tension(run.contact.pulley[rows], run.joints.force[rows], n_p)
+    tension = tension[:, np.isfinite(tension).all(axis=0)]
+    return math.sqrt(float(np.mean(np.var(tension, axis=0)))) if tension.size else 0.0
+
+
+def _of_mesh(run: Run) -> dict[str, float]:
+    """Estimate the errors of the mesh, from the speeds, torques and losses of a run."""
+    params, t, seen = run.params, run.t, run._running
+    if seen is None:
+        return {}
+    shaking = {"tension": seen.shaking_over_time, "span_mean": seen.shaking}
+    found = {
+        name: sanity.mesh_error(params, shaken, seen.pull)[name] for name, shaken in shaking.items()
+    }
+    tension = float(params.info["strain_tension"])
+    if run.stats.growth > 0.0 and run._has("joints.force") and run._has("contact.pulley"):
+        found["tension"] = max(found["tension"], _vibration(run) / tension)
+    if not seen.power > 0.0 or not run._has("energy") or run.energy is None:
+        return found
+    first = int(np.argmax(time_weights(t, t[-1] - LAST * (t[-1] - t[0])) > 0.0))
+    losses = (run.energy.contact_loss, run.energy.friction_loss)
+    lost = sanity.mesh_loss(params, *(float(one[-1] - one[first]) for one in losses))
+    lost /= float(t[-1] - t[first])
+    carried = seen.speed * max(seen.pull, FAINT * tension)
+    # a link at the ends of arcs, in the belt's forces and means
+    half = 0.0 if params._belt_facts["flows"] else 0.5 / params.info["n_bodies"]
+    if carried > 0.0:
+        # set torques know nothing of the ends of arcs, those that a motion needs do
+        of_torques = half if run.prescribed else 0.0
+        found |= {"power": lost / seen.power + of_torques, "friction": lost / carried + half}
+    return found
+
+
+def _share(value: float | None, floor: float) -> str:
+    if value is None:
+        return "-"
+    if value == 0.0:
+        return "0 %"
+    if value <= floor:
+        return f"< {percent(floor)}"
+    return percent(value)

@@ -1,0 +1,200 @@
+"""Arcs of contact, of slip and of stick; and the rule by which a link slips."""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.checks import Array
+from ..drive.friction import Friction
+from ..drive.params import Params
+from .histories import BeltHistory, ContactHistory
+from .spans import coordinates, joint_points
+
+__all__ = ["SLIP_FROM", "Arcs", "arcs_of", "contact_points", "full_friction", "in_slip", "turns"]
+
+#: Share of the friction in full slip from which on a link counts as slipping. Laws with a state
+#: approach full slip over a way of some mu_k / sigma, of Dahl's 1 - exp(-x sigma / mu_k): 95 % are
+#: reached after three of these ways, short against the slip of an arc that slips. In an arc that
+#: sticks friction may stay anywhere below; and results are accurate to about a percent.
+SLIP_FROM = 0.95
+#: Numbers of a block of samples: 16 MB to an array.
+_BLOCK = 2_000_000
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Arcs:
+    """Where the belt lies on the pulleys, and where it slips on them, each (n_t, n_p) [rad].
+
+    A link, or joint, that touches a pulley stands for half the angle to its neighbours on both
+    sides, seen from the axis. With contact along the links the two joints at each end of a wrap
+    stand for less, in proportion to their normal forces: a wrap of five links and more is right to
+    a fraction of a link. On the mesh of the paper it is right to half a link at each end, as is the
+    boundary of stick and slip on any; means over some passing links are better. The cells of an ALE
+    belt stand for their own angles, and the boundary is found between their middles.
+
+    A link slips if its friction is at least 95 % of what the law gives in full slip at that slip
+    velocity, |F| >= 0.95 mu N; a law with a state needs some slip to get there. A law without one
+    (``Coulomb``, ``CreepRate``, ``Threlfall``), which creeps at any load, slips where it gives 95 %
+    of the most it could give at higher speed. On a pulley without friction all of the wrap slips. A
+    link on two pulleys belongs to the one with the larger normal force.
+
+    Links that land shake the belt. Where it creeps more slowly than that it creeps back in between,
+    friction falls each time, and on coarse meshes no link may be left above 95 %: ``returning``
+    tells of it. Where that is more than a few percent, the arc of slip is too small.
+
+    Attributes:
+        wrap: Arc of contact [rad].
+        slip: The part of it that slips [rad].
+        stick: The rest of it [rad].
+        returning: Of the part with half of the friction in full slip or more, the share on which
+            friction falls, as the belt creeps back [1].
+    """
+
+    wrap: Array
+    slip: Array
+    stick: Array
+    returning: Array
+
+    def __repr__(self) -> str:
+        return f"Arcs(wrap, slip, stick: {self.wrap.shape})"
+
+
+def in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
+    """Give the friction coefficients in slip at these velocities; None if they depend on none.
+
+    Interpolated between speeds 5 % apart, a millionth of the highest the least: a law that changes
+    over its own scale of speed is met to a thousandth, far below what is asked of full slip.
+    """
+    highest = float(np.max(np.abs(velocity), initial=0.0))
+    if not 0.0 < highest < np.inf:
+        return None
+    speed = highest * np.geomspace(1e-6, 1.0, 300)
+    coefficients = law._in_slip(speed, kinetic)
+    if law.n_states == 0:  # it slips at any load; what counts is what it could give when faster
+        coefficients = np.maximum.accumulate(np.append(coefficients, kinetic)[::-1])[:0:-1]
+    if np.ptp(coefficients) <= 1e-6 * kinetic:
+        return None
+    return np.interp(np.abs(velocity), speed, coefficients)
+
+
+def full_friction(params: Params, touched: NDArray[np.int32], velocity: Array | None) -> Array:
+    """Return the friction coefficients in full slip of links; any where nothing is touched.
+
+    Args:
+        params: The drive.
+        touched: The pulley that each link touches, or -1 (..., n_b).
+        velocity: Slip velocities (..., n_b) [m/s]; None: not known, full slip is then that at high
+            speed.
+    """
+    kinetic, _ = params._slip_limits
+    full = kinetic[touched]
+    for k in range(len(params.pulleys)):
+        law = params.friction_on(k)
+        held = None
+        if law is not None and velocity is not None:
+            held = in_slip(law, float(kinetic[k]), velocity)
+        if held is not None:
+            full = np.where(touched == k, held, full)
+    return np.asarray(full)
+
+
+def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
+    """Give the points at which contact is reported (n_t, n_b, 2) [m].
+
+    The joints on the left of the links where contact acts along these, else their centres, or the
+    masses of a string; of cells the middles of the lines between their ends.
+    """
+    part = coordinates(params, belt, rows)
+    if params._belt_facts["at_joints"]:
+        return joint_points(params, part)
+    points = np.stack([part.x, part.y], axis=-1)
+    if params._belt_facts["flows"]:
+        points = 0.5 * (points + np.roll(points, -1, axis=1))
+    return np.asarray(points)
+
+
+def turns(begin: Array, end: Array) -> Array:
+    """Give the angles from one direction to another, within +-pi; the last axis is x, y."""
+    cross = begin[..., 0] * end[..., 1] - begin[..., 1] * end[..., 0]
+    return np.asarray(np.arctan2(cross, (begin * end).sum(axis=-1)))
+
+
+def arcs_of(params: Params, belt: BeltHistory, contact: ContactHistory, centers: Array) -> Arcs:
+    """Find the arcs at every sample.
+
+    Args:
+        params: The drive.
+        belt: Where the links are.
+        contact: ``pulley``, ``normal``, ``mu``, ``velocity``.
+        centers: Axes of the pulleys (n_t, n_p, 2) [m], or (1, n_p, 2) where they stand still.
+    """
+    n_t, n_b = contact.pulley.shape
+    n_p = len(params.pulleys)
+    wrap, slip, returning = (np.zeros((n_t, n_p)) for _ in range(3))
+    size = max(1, _BLOCK // n_b)
+    for begin in range(0, n_t, size):
+        rows = slice(begin, begin + size)
+        touched, normal = contact.pulley[rows], contact.normal[rows]
+        points = contact_points(params, belt, rows)
+        axes = centers[rows] if len(centers) > 1 else centers
+        full = full_friction(params, touched, contact.velocity[rows])
+        rubs, falls = np.abs(contact.mu[rows]), contact.mu[rows] * contact.velocity[rows] < 0.0
+        for k in range(n_p):
+            on = touched == k
+            if params._belt_facts["flows"]:
+                angles = _of_cells(params, belt, rows, axes[:, k], on)
+                slipping = _beyond(rubs - SLIP_FROM * full, on)
+            else:
+                angles = _angles(params, points - axes[:, k, None, :], on, normal)
+                slipping = (rubs >= SLIP_FROM * full).astype(float)
+            wrap[rows, k] = angles.sum(axis=1)
+            slip[rows, k] = (slipping * angles).sum(axis=1)
+            much = np.where(rubs >= 0.5 * full, angles, 0.0)
+            whole = much.sum(axis=1)
+            back = np.where(falls, much, 0.0).sum(axis=1)
+            np.divide(back, whole, out=returning[rows, k], where=whole > 0.0)
+    return Arcs(wrap=wrap, slip=slip, stick=wrap - slip, returning=returning)
+
+
+def _of_cells(
+    params: Params, belt: BeltHistory, rows: slice, axis: Array, on: NDArray[np.bool_]
+) -> Array:
+    """Give the angles between the ends of cells on a pulley (n_t, n_b) [rad]; 0 of those off it."""
+    arm = np.stack([belt.x[rows], belt.y[rows]], axis=-1) - axis[:, None]
+    return np.where(on, np.abs(turns(arm, np.roll(arm, -1, axis=1))), 0.0)
+
+
+def _beyond(excess: Array, on: NDArray[np.bool_]) -> Array:
+    """Give the share of each cell in which something linear between their middles is positive.
+
+    On a pulley's cells (n_t, n_b); in the outer half of its first and its last it is as in the
+    middle.
+    """
+    share = np.zeros(excess.shape)
+    for ahead in (-1, 1):
+        near = np.where(np.roll(on, ahead, axis=1), np.roll(excess, ahead, axis=1), excess)
+        edge = 0.5 * (excess + near)  # where the cells meet
+        most, least = np.maximum(excess, edge), np.minimum(excess, edge)
+        part = np.divide(most, most - least, out=np.ones_like(most), where=most > least)
+        share += 0.5 * np.where(least >= 0.0, 1.0, np.where(most > 0.0, part, 0.0))
+    return share
+
+
+def _angles(params: Params, arm: Array, on: NDArray[np.bool_], normal: Array) -> Array:
+    """Give the angles that links on a pulley stand for (n_t, n_b) [rad]; 0 of those off it."""
+    after = np.abs(turns(arm, np.roll(arm, -1, axis=1)))
+    angles = np.where(on, 0.5 * (after + np.roll(after, 1, axis=1)), 0.0)
+    if not params._belt_facts["smooth"]:
+        return angles
+    # The first two at an end share the links of which a part may touch. Their forces over that of
+    # the third, which is all on the rim, are that part, f + 1/2 of a link under an even pressure.
+    for ahead in (-1, 1):
+        inner = np.roll(on, ahead, axis=1) & np.roll(on, 2 * ahead, axis=1)
+        first = on & ~np.roll(on, -ahead, axis=1) & inner
+        for end, further in ((first, 2), (np.roll(first, -ahead, axis=1), 1)):
+            whole = np.roll(normal, further * ahead, axis=1)
+            part = np.divide(normal, whole, out=np.ones_like(normal), where=end & (whole > normal))
+            angles = np.where(end, angles * part, angles)
+    return angles

@@ -1,0 +1,44 @@
+"""Means over time of what was sampled, by the trapezoidal rule."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..base.checks import Array
+
+__all__ = ["LAST", "mean_over", "time_weights"]
+
+#: The part of a run, counted from its end, that means are taken over where nothing else is asked.
+LAST = 0.2
+
+
+def time_weights(t: Array, begin: float = -math.inf, end: float = math.inf) -> Array:
+    """Give the weights (n_t,) of the trapezoidal rule from ``begin`` to ``end``, of sum 1.
+
+    At least the last interval before ``end`` counts; equal weights if no time passes there.
+    """
+    inside = np.minimum(t[1:], end) - np.maximum(t[:-1], begin)
+    inside = np.maximum(inside, 0.0)
+    weights = np.zeros(t.size)
+    weights[1:] += 0.5 * inside
+    weights[:-1] += 0.5 * inside
+    total = weights.sum()
+    if total > 0.0:
+        return np.asarray(weights / total)
+    return np.full(t.size, 1.0 / t.size)
+
+
+def mean_over(weights: Array, samples: Array) -> Array:
+    """Give the weighted mean over time, the first axis, of samples (n_t, ...), NaN left out.
+
+    NaN where there is no other sample of a weight.
+    """
+    there = ~np.isnan(samples)
+    used = np.where(there, weights.reshape((-1,) + (1,) * (samples.ndim - 1)), 0.0)
+    total = used.sum(axis=0)
+    summed = np.sum(used * np.where(there, samples, 0.0), axis=0)
+    return np.asarray(
+        np.divide(summed, total, out=np.full(np.shape(summed), np.nan), where=total > 0.0)
+    )

@@ -1,0 +1,114 @@
+"""Slip over a whole wrap: a pulley carries all that friction can give, and moves against it."""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.checks import Array
+from ..drive.friction import TINY
+from ..drive.params import Params
+from .arcs import in_slip
+
+__all__ = ["GrossSlip", "durations", "gross_slip"]
+
+#: Share of the largest possible friction, |sum mu N| / sum mu_k N, from which on the whole wrap
+#: slips; links that have just arrived still need a slip of some mu_k/sigma. A steady drive stays
+#: below: 0.88 in case 1 of the paper, which is loaded almost to its limit. In place of mu_k stands
+#: what friction has at the slip velocity of each link, where its law depends on that: with LuGre's
+#: law a link that sticks can hold mu_s.
+SATURATED = 0.98
+#: Slip in units of mu_k/sigma, below which a pulley has only moved within its friction joint.
+SLIPPED = 10.0
+#: Friction below this share of the belt's tension is neglected.
+FAINT = 0.01
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class GrossSlip:
+    """Slip of whole wraps.
+
+    Attributes:
+        slips: At which samples a pulley slips in full (n_t, n_p); nowhere on one that moves by no
+            more than the travel in which its friction develops.
+        way: By how much [m] (n_p,).
+        carried: Mean friction meanwhile [N] (n_p,); single samples have what landing links add.
+        lost: What that dissipates [J] (n_p,).
+    """
+
+    slips: NDArray[np.bool_]
+    way: Array
+    carried: Array
+    lost: Array
+
+
+def gross_slip(
+    params: Params,
+    t: Array,
+    pulley: NDArray[np.int32],
+    normal: Array,
+    friction: Array,
+    velocity: Array,
+) -> GrossSlip | None:
+    """Find where pulleys slip over their whole wrap; None if none does.
+
+    Args:
+        params: The drive.
+        t: Times of the samples (n_t,) [s].
+        pulley: The pulley that each link touches, or -1 (n_t, n_b).
+        normal: Normal forces (n_t, n_b) [N].
+        friction: Friction forces (n_t, n_b) [N].
+        velocity: Slip velocities (n_t, n_b) [m/s].
+    """
+    kinetic, developed = params._slip_limits
+    n_t, n_p = t.size, len(params.pulleys)
+    bins = _bins(pulley, n_p)
+    carried = np.abs(_per_pulley(friction, bins, n_p))
+    most = kinetic * _per_pulley(normal, bins, n_p)
+    # In slip no law has less than the kinetic friction.
+    for k in np.flatnonzero((carried >= SATURATED * most).any(axis=0)).tolist():
+        law = params.friction_on(k)
+        held = None if law is None else in_slip(law, float(kinetic[k]), velocity)
+        if held is not None:
+            most[:, k] = _per_pulley(held * normal, bins, n_p)[:, k]
+    saturated = (carried >= SATURATED * most) & (most > FAINT * params.info["strain_tension"])
+    rows = np.flatnonzero(saturated.any(axis=1))
+    if rows.size == 0:
+        return None
+    lost = np.zeros((n_t, n_p))
+    lost[rows] = _per_pulley(friction[rows] * velocity[rows], _bins(pulley[rows], n_p), n_p)
+    speed = np.divide(lost, carried, out=np.zeros_like(lost), where=saturated & (carried > 0.0))
+    # A wrap whose friction is fully developed from tensioning alone does not slip.
+    slips = speed > 0.01 * speed.max(axis=0)
+    lasts = durations(t)[:, None]
+    way = np.sum(np.where(slips, lasts * speed, 0.0), axis=0)
+    slips &= way > SLIPPED * developed
+    if not slips.any():
+        return None
+    during = np.where(slips, lasts, 0.0)
+    return GrossSlip(
+        slips=slips,
+        way=way,
+        carried=np.sum(during * carried, axis=0) / np.maximum(np.sum(during, axis=0), TINY),
+        lost=np.sum(during * lost, axis=0),
+    )
+
+
+def durations(t: Array) -> Array:
+    """Time that each sample stands for [s]."""
+    half = np.diff(t) / 2.0
+    return np.asarray(np.concatenate([half, [0.0]]) + np.concatenate([[0.0], half]))
+
+
+def _bins(touched: NDArray[np.int32], n_p: int) -> NDArray[np.intp]:
+    """Give every (sample, pulley) a number; pulley -1, no contact, is the first of a sample."""
+    rows = np.arange(touched.shape[0], dtype=np.intp)[:, None]
+    return (touched + (rows * (n_p + 1) + 1)).ravel()
+
+
+def _per_pulley(values: Array, bins: NDArray[np.intp], n_p: int) -> Array:
+    """Add up values of links (n_t, n_b) by the pulley they touch (n_t, n_p)."""
+    n_t = values.shape[0]
+    total = np.bincount(bins, weights=values.ravel(), minlength=n_t * (n_p + 1))
+    return np.asarray(total.reshape(n_t, n_p + 1)[:, 1:], dtype=float)

@@ -1,0 +1,534 @@
+"""Parts of a result: histories by group, the energy ledger, and counters.
+
+Each class has exactly the rows of a table in ``csrc/fields.h``; a row of the core without a field
+here, or a field without a row, is an error.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, NoReturn, Self
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _core
+from ..base.checks import Array
+
+__all__ = [
+    "GROUPS",
+    "ROWS",
+    "BeltHistory",
+    "ContactHistory",
+    "CouplingHistory",
+    "EnergyLedger",
+    "Group",
+    "JointHistory",
+    "MountHistory",
+    "PulleyHistory",
+    "SpanHistory",
+    "Stats",
+    "absent",
+    "absent_groups",
+    "histories",
+    "shape_of",
+]
+
+
+class Group:
+    """Arrays with time as the first axis.
+
+    An array that a run was not asked for (``outputs`` of :func:`beltdyn.simulate`) is an
+    AttributeError that says so.
+    """
+
+    __slots__ = ()
+
+    @classmethod
+    def _holding(cls, found: Mapping[str, Any]) -> Self:
+        """Make one of these arrays alone; the others were not asked for."""
+        fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
+        later = {field.name for field in fields if not field.init}
+        first = {name: found[name] for name in found if name not in later}
+        own = [name for name in cls.array_names() if name not in later]
+        group = cls(**{**dict.fromkeys(own), **first})
+        for name in set(own) - set(found):
+            object.__delattr__(group, name)
+        for name in later & set(found):
+            object.__setattr__(group, name, found[name])
+        return group
+
+    def __getattr__(self, name: str) -> NoReturn:
+        kind = type(self)
+        if name not in kind.array_names() and not isinstance(getattr(kind, name, None), property):
+            raise AttributeError(f"{kind.__name__!r} object has no attribute {name!r}")
+        group = next(group for group, one in GROUPS.items() if one is kind)
+        needed = group if group == "energy" else f"{group}.{name}"
+        raise AttributeError(
+            f"{group}.{name} was not asked for: run simulate with outputs=(..., {needed!r}), or "
+            f"without outputs for all that its belt has{absent(needed, '; ')}"
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        names = [field.name for field in attrs.fields(type(self))]  # type: ignore[arg-type]
+        found = {name: getattr(self, name) for name in names if hasattr(self, name)}
+        return _holding, (type(self), found)
+
+    @classmethod
+    @functools.cache
+    def array_names(cls) -> tuple[str, ...]:
+        """Give the names of the arrays."""
+        fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
+        return tuple(field.name for field in fields if field.metadata.get("array", True))
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Give the arrays by name; not those that the drive does not have, or not asked for."""
+        arrays = {name: getattr(self, name, None) for name in self.array_names()}
+        return {name: array for name, array in arrays.items() if array is not None}
+
+    def __repr__(self) -> str:
+        arrays = self.arrays()
+        if not arrays:
+            return f"{type(self).__name__}(not asked for)"
+        shape = next(iter(arrays.values())).shape
+        return f"{type(self).__name__}({', '.join(arrays)}: {shape})"
+
+
+def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
+    return kind._holding(found)
+
+
+def absent(output: str, before: str = "") -> str:
+    """Say which meshes have belts without an output, such as "contact.slip"; nothing: none."""
+    sizes = {f"{group}.{name}": size for group, name, size in ROWS}
+    without = dict.fromkeys(
+        f'"{row["mesh"]}"' for row in _core.BELTS if sizes.get(output) in row["lacks"]
+    )
+    return f"{before}belts on the mesh {' or '.join(without)} have none" if without else ""
+
+
+@attrs.frozen(eq=False, repr=False)
+class PulleyHistory(Group):
+    """Pulleys over time, each (n_t, n_p), ``load`` (n_t, n_p, 2).
+
+    Attributes:
+        theta: Angle, counter-clockwise [rad]; of a pulley with a coupling that of its shaft.
+        omega: Angular velocity [rad/s], likewise.
+        torque: Set torque M_d of (2.12) [N m]; of a pulley whose motion is prescribed, the torque
+            that it needs.
+        load: Force of the belt on the pulley in x and y, of contact and friction [N]: the hub load,
+            what its bearings carry besides weights and the inertia of a pulley that moves. Of a
+            running belt the relief by its centrifugal force is in it (``Result.hub_load``). Links
+            that land make it swing, of the mesh: its extremes are no design loads, they fall as
+            ``n_bodies`` rises; those of the report are.
+        names: Names of the pulleys, "pulley 3" of one that has none (n_p,).
+    """
+
+    theta: Array
+    omega: Array
+    torque: Array
+    load: Array
+    names: tuple[str, ...] = attrs.field(default=(), metadata={"array": False})
+
+
+@attrs.frozen(eq=False, repr=False)
+class BeltHistory(Group):
+    """Links over time, the coordinates of (2.1), each (n_t, n_b).
+
+    Attributes:
+        x: Mass centre [m].
+        y: Mass centre [m].
+        phi: Angle, continuous [rad]. Of a string the direction of the bar behind each mass,
+            continuous along the belt; mass 0 has it within +-pi at every sample.
+        vx: Velocity of the mass centre [m/s].
+        vy: Velocity of the mass centre [m/s].
+        vphi: Angular velocity [rad/s].
+        flow: Of an ALE belt alone, as ``passed``, (n_t,): stress-free length that flows out of the
+            wrap of pulley 0 in a second [m/s], positive in the order of the cells.
+        passed: Its integral since the first sample [m], by which a mark on the belt is followed.
+
+    Of an ALE belt places and velocities are those of the belt where each cell begins, on pulleys
+    and at the ends of spans, and there are no angles.
+    """
+
+    x: Array
+    y: Array
+    phi: Array
+    vx: Array
+    vy: Array
+    vphi: Array
+    # not of links, whose histories attrs.evolve takes without
+    flow: Array = attrs.field(init=False)
+    passed: Array = attrs.field(init=False)
+
+
+@attrs.frozen(eq=False, repr=False)
+class SpanHistory(Group):
+    """Spans over time, of an ALE belt, which vibrates in them by sine modes.
+
+    Attributes:
+        deflection: Amplitudes a_k of ``sin(k pi s)`` across the span after each pulley, s from 0
+            where it begins to 1, k from 1 on (n_t, n_p, K) [m], from the straight line of the span,
+            positive outwards of the loop.
+    """
+
+    deflection: Array = attrs.field(init=False)
+
+
+@attrs.frozen(eq=False, repr=False)
+class JointHistory(Group):
+    """Joints (2.2) over time, each (n_t, n_b); joint i is on the left of link i.
+
+    Attributes:
+        deformation: Stretch along the joint [m].
+        force: Force along the joint, tension positive [N].
+    """
+
+    deformation: Array
+    force: Array
+
+
+@attrs.frozen(eq=False, repr=False)
+class ContactHistory(Group):
+    """Contact of the links over time, (2.3)-(2.10), each (n_t, n_b).
+
+    Without friction, ``friction``, ``mu`` and ``slip`` are zeros that take no memory and cannot be
+    changed.
+
+    Attributes:
+        pulley: Index of the touched pulley, -1 for none (int).
+        normal: Normal force N on the link (2.8) [N].
+        friction: Friction force mu N (2.10) [N], on the link against the counter-clockwise tangent.
+        mu: Friction coefficient, friction force over normal force [1]; with Dahl friction (2.9).
+        slip: Slip displacement since contact began [m].
+        velocity: Relative velocity v_T, counter-clockwise [m/s].
+    """
+
+    pulley: NDArray[np.int32]
+    normal: Array
+    friction: Array
+    mu: Array
+    slip: Array
+    velocity: Array
+
+
+@attrs.frozen(eq=False, repr=False)
+class MountHistory(Group):
+    """Mounts over time, each (n_t, n_m), in the order of ``params.mounted``.
+
+    Travels of arms are angles, counter-clockwise, and forces torques [N m]; of sliders they are
+    ways along the direction and forces [N]. Forces count in the sense of the travel. A path has a
+    travel, the time, and the force of the belt alone.
+
+    Attributes:
+        travel: From the place of the drive [rad or m].
+        travel_speed: Its rate [rad/s or m/s].
+        spring_force: Of the spring, preload and hung weight included [N m or N].
+        damper_force: Of the damper [N m or N].
+        friction_force: Of the friction in pivot or guide [N m or N].
+        stop_force: Of the stops [N m or N].
+        belt_force: Of the belt on the pulley, ``-a . sum F_ij`` of MODEL section 5 [N m or N].
+    """
+
+    travel: Array
+    travel_speed: Array
+    spring_force: Array
+    damper_force: Array
+    friction_force: Array
+    stop_force: Array
+    belt_force: Array
+
+
+@attrs.frozen(eq=False, repr=False)
+class CouplingHistory(Group):
+    """Couplings over time, each (n_t, n_c), in the order of ``params.coupled``.
+
+    ``pulleys.theta`` and ``.omega`` are those of the hubs. Of a torsional damper what is said of
+    the rim is of its ring.
+
+    Attributes:
+        rim_angle: Angle of the rim, counter-clockwise [rad].
+        rim_speed: Its angular velocity [rad/s].
+        windup: Windup, rim against hub, of a clutch in the sense in which it drives: >= 0 [rad].
+        transmitted: Torque of the coupling on the shaft, counter-clockwise [N m]; 0 while a clutch
+            overruns.
+    """
+
+    rim_angle: Array
+    rim_speed: Array
+    windup: Array
+    transmitted: Array
+
+
+@attrs.frozen(eq=False, repr=False)
+class EnergyLedger(Group):
+    """Stored energies, work and losses over time, each (n_t,) [J]; MODEL section 7.
+
+    Attributes:
+        kinetic: Of links and pulleys.
+        axial: Stored in the stretch of the joints.
+        bending: Stored in the bending of the joints.
+        contact: Stored in the contact.
+        gravity: Potential.
+        drive: Work done since the start by the set torques, and by those of prescribed motions.
+        joint_loss: Lost in the dampers of the joints since the start.
+        contact_loss: Lost in the dampers of the contact since the start.
+        friction_loss: Work of friction against slip since the start.
+        residual: E(t) - E(0) - (drive - losses): zero but for the error of integration. It needs
+            no reference solution.
+        passed: Energy transmitted so far, the scale to judge the residual by: the largest of the
+            energy put in (summed over the samples), the net work, the losses and the change of
+            the stored energy.
+        drag_loss: Lost to the drag of the pulleys' bearings since the start; None where no pulley
+            has any.
+        mount: Stored in the springs and stops of mounts, less the work of their preload; None
+            without arms and sliders.
+        mount_loss: Lost in dampers, friction and stops of mounts since the start; None without.
+        path_work: Work of the belt on axes that follow a path since the start; None without paths.
+        coupling: Stored in the springs of couplings; None without.
+        coupling_loss: Lost in their dampers since the start; None without.
+    """
+
+    kinetic: Array
+    axial: Array
+    bending: Array
+    contact: Array
+    gravity: Array
+    drive: Array
+    joint_loss: Array
+    contact_loss: Array
+    friction_loss: Array
+    residual: Array
+    passed: Array
+    drag_loss: Array | None = None
+    mount: Array | None = None
+    mount_loss: Array | None = None
+    path_work: Array | None = None
+    coupling: Array | None = None
+    coupling_loss: Array | None = None
+
+    @property
+    def total(self) -> Array:
+        """Stored energy E (n_t,) [J]."""
+        return self._sum("STORED")
+
+    @property
+    def losses(self) -> Array:
+        """Energy dissipated by dampers, friction and drag since the start (n_t,) [J]."""
+        return self._sum("LOST")
+
+    def _sum(self, kind: str) -> Array:
+        """Add up the terms of a kind of ``_core.ENERGY_TERMS``."""
+        terms = [getattr(self, name) for name, of, _ in _core.ENERGY_TERMS if of == kind]
+        return functools.reduce(np.add, [term for term in terms if term is not None])
+
+    @classmethod
+    def _from_core(
+        cls, t: Array, terms: Sequence[str], columns: Array, power: Array
+    ) -> EnergyLedger:
+        """``power``: of the set torques, per pulley (n_t, n_p) [W]."""
+        named = {name: columns[:, k] for k, name in enumerate(terms)}
+        ledger = cls(**named, passed=np.zeros_like(t))
+        fed = np.maximum(power, 0.0).sum(axis=1)
+        fed_in = np.concatenate([[0.0], np.cumsum(np.diff(t) * (fed[1:] + fed[:-1]) / 2.0)])
+        with np.errstate(invalid="ignore"):  # a failed run may hold infinite energies
+            gained = np.abs(ledger.total - ledger.total[:1])
+        scale = np.max([fed_in[: t.size], np.abs(ledger.drive), ledger.losses, gained], axis=0)
+        return attrs.evolve(ledger, passed=np.maximum.accumulate(scale))
+
+
+@attrs.frozen(kw_only=True)
+class Stats:
+    """Counters, times and error estimates of a run.
+
+    Attributes:
+        method: Integration method used; "auto" if the run changed between two.
+        choice: Why that one, or what share each of the two had.
+        kernels: Instruction level of the C core's inner loops: "baseline", "avx2" or "avx512".
+        steps: Accepted steps.
+        rejected: Rejected steps.
+        nfev: Evaluations of the right-hand side.
+        njev: Evaluations of the Jacobian; explicit methods need none.
+        nlu: Factorisations; explicit methods need none.
+        changes: Changes of method, by "auto".
+        fallbacks: Steps in which only the linearly implicit Euler method succeeded.
+        searches: Rebuilds of the list of links that can touch a pulley.
+        smallest_step: Smallest accepted step [s].
+        largest_step: Largest accepted step [s].
+        spectral_bound: Closed-form bound of the joints' eigenvalues [1/s].
+        cpu_time: CPU time of the run [s], without settling.
+        wall_time: Wall time of the run [s], without settling.
+        settle_time: Wall time of settling before the run [s], 0 if there was none.
+        balance: Largest residual of the energy balance, over the energy transmitted: zero but for
+            the error of integration, whatever the method; negative where energy was lost. It is
+            checked with ``ledger=False`` as well.
+        growth: Exponential growth rate of a small difference between two runs [1/s]; 0: none was
+            seen. Slow growth may go undetected, because it is measured over short intervals only.
+        twin_steps: Steps repeated from a slightly displaced state to measure this growth; with less
+            than 1 % of critical damping of the joints' fastest vibration and implicit steps longer
+            than that, also 4000 short ones or a tenth as many as the run has, if that is more.
+        invariant: Largest of what must not be in any accepted state, over its bound: forces on the
+            belt without a source and losses that give energy, which must be rounding. Seen at the
+            end of the run; above 1 it has ended with BD_ERR_INVARIANT.
+        error: Estimate of the error in time of the joint forces: the root mean square over joints
+            and time, over the mean tension. Not the error of the mesh, mostly the larger one, which
+            ``result.accuracy`` has. None: not known.
+
+            How good: on the paper's mesh within a factor of five of the true error, mostly above
+            it, in 98 of 100 random drives; else up to forty times too large, where a few steps have
+            the largest local errors.
+
+            From what: the larger of ``local_error`` and of ``balance``, each times a factor that
+            was measured. ``local_error``: times 1 on the paper's mesh, else 2, or where that is
+            more a third of the root of the steps in which axial damping makes a vibration of a
+            radian a step decay by e; and times 5 where a joint's stretch is more than three times
+            the slip mu_k / sigma. ``balance``, with the ledger: times 5 on the paper's mesh, else
+            0.1. Then times the growth of differences, if they grew; times 1 + n/10 for n bounces
+            of mounts on stops of less than a fifth of critical damping; and of "lbdf2" and "lie",
+            whose errors add up, times sqrt(k), where the run lasts k > 1 times 780 rounds of a
+            stretch wave, a second of the paper's drive.
+
+            None for: fixed steps, histories that diverge, links that vibrate on their contact
+            hardly damped or chatter while nothing shows that differences do not grow, torque
+            functions that change faster than the steps, slack spans.
+
+            Not in it: what links do as they land and make vibrations that change friction, which
+            long implicit steps damp out: 0.3 % of the tension of the paper's drive near its limit
+            with 60 links, part of the error of such a mesh.
+        local_error: Largest local error of a step, in the units of ``rtol``, which bounds it where
+            errors are controlled. With fixed steps their error, of "rk4" that of a formula of order
+            3, many times its own: from 0.5 on there is a warning, and it is at least 1 if some
+            had to be repeated with shorter ones. None if none was estimated, as in the first steps
+            of "lbdf2" and "lie".
+    """
+
+    method: str
+    kernels: str
+    steps: int
+    rejected: int
+    nfev: int
+    njev: int = 0
+    nlu: int = 0
+    changes: int = 0
+    fallbacks: int = 0
+    searches: int
+    smallest_step: float
+    largest_step: float
+    spectral_bound: float
+    cpu_time: float
+    wall_time: float
+    settle_time: float = 0.0
+    balance: float = 0.0
+    growth: float = 0.0
+    twin_steps: int = 0
+    invariant: float = 0.0
+    error: float | None = None
+    local_error: float | None = None
+    choice: str = ""
+
+    @classmethod
+    def _from_core(cls, counters: Mapping[str, Any], **others: Any) -> Stats:
+        values = dict(counters)
+        del values["residual"]  # of settling alone: State.residual has it
+        for name in ("error", "local_error"):
+            values[name] = values[name] or None
+        return cls(**values, **others)
+
+
+GROUPS: dict[str, type[Group]] = {
+    "pulleys": PulleyHistory,
+    "belt": BeltHistory,
+    "joints": JointHistory,
+    "contact": ContactHistory,
+    "spans": SpanHistory,
+    "mounts": MountHistory,
+    "couplings": CouplingHistory,
+    "energy": EnergyLedger,
+}
+
+
+#: Group, name and size of every history but the ledger's.
+ROWS = (
+    *((group, name, size) for name, group, size, *_ in _core.OUTPUTS if group != "energy"),
+    ("contact", "pulley", "CONTACT"),
+    ("belt", "passed", "FLOW"),
+)
+
+
+def absent_groups(params: Any) -> set[str]:
+    """Give the groups that a drive does not have."""
+    return {group for group, _, size in ROWS if params._having.get(size) == ()}
+
+
+def shape_of(size: str, params: Any) -> tuple[int, ...]:
+    """Give the shape of a history of this size, at one sample."""
+    count, n_p = params._model.sizes[size], len(params.pulleys)
+    if size == "FLOW":
+        return ()
+    if size == "MODES":
+        return n_p, count // n_p
+    return (count or params.n_bodies, *((2,) if size == "PLANE" else ()))  # zeros: no friction
+
+
+def _passed(t: Array, flow: Array, theta: Array | None, omega: Array) -> Array:
+    """Integrate the flow (n_t,) over time, from 0 at the first sample.
+
+    What goes with pulley 0 by its angle, which is known, the rest, creep, by the trapezoidal rule.
+    """
+    square = float(omega @ omega)
+    ratio = float(flow @ omega) / square if theta is not None and square > 0.0 else 0.0
+    rest = flow - ratio * omega
+    gone = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (rest[1:] + rest[:-1]))])[: t.size]
+    return gone if theta is None else gone + ratio * (theta - theta[:1])
+
+
+def histories(
+    t: Array,
+    arrays: Mapping[str, NDArray[Any]],
+    energy_terms: Sequence[str],
+    params: Any,
+    names: Collection[str] | None = None,
+) -> dict[str, Any]:
+    """Give the groups by name, from what the core has sampled.
+
+    "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Of a run
+    that was asked for some outputs only, groups hold these.
+
+    Args:
+        t: Sample times (n_t,) [s].
+        arrays: ``_core.OUTPUTS`` by name, and "pulley", n_t rows each.
+        energy_terms: What the columns of "energy" are.
+        params: The drive.
+        names: The outputs asked for, as "joints.force"; None: all.
+
+    Raises:
+        KeyError, TypeError: The core has an output for which there is no group or no field, or the
+            other way round.
+    """
+    left_out, lacks = absent_groups(params), params._belt_facts["lacks"]
+    columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in ROWS}
+    if "flow" in arrays:
+        theta = arrays["theta"][:, 0] if "theta" in arrays else None
+        with np.errstate(all="ignore"):  # a failed run may end with huge numbers
+            passed = _passed(t, arrays["flow"].reshape(t.size), theta, arrays["omega"][:, 0])
+        arrays = {**arrays, "passed": passed}
+    for group, name, size in ROWS:
+        asked = names is None or f"{group}.{name}" in names
+        if not asked or group in left_out or size in lacks:
+            continue
+        shape = (t.size, *shape_of(size, params))
+        if size in ("FRICTION", "SLIPS") and name not in arrays:
+            columns[group][name] = np.broadcast_to(0.0, shape)
+        else:
+            columns[group][name] = np.reshape(arrays[name], shape)
+    groups: dict[str, Any] = {
+        group: None if group in left_out else GROUPS[group]._holding(found)
+        for group, found in columns.items()
+    }
+    groups["energy"] = None if names is None else EnergyLedger._holding({})
+    if "energy" in arrays and (names is None or "energy" in names):
+        power = arrays["torque"] * arrays["omega"]
+        groups["energy"] = EnergyLedger._from_core(t, energy_terms, arrays["energy"], power)
+    return groups

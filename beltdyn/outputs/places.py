@@ -1,0 +1,322 @@
+"""Places fixed in space: histories along the belt line, and hub loads without the belt's momentum.
+
+The belt line is that of :class:`beltdyn.Route`. Places are counted from where it leaves pulley 0,
+in the sense in which the links are numbered.
+"""
+
+from __future__ import annotations
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.checks import Array
+from ..base.naming import span_name
+from ..drive.params import Params
+from ..drive.route import Route, route_at
+from .arcs import contact_points, turns
+from .histories import BeltHistory
+from .spans import coordinates, joint_points
+
+__all__ = [
+    "AlongBelt",
+    "along",
+    "along_cells",
+    "cell_places",
+    "flow_of",
+    "follow",
+    "line_parts",
+    "momentum_flux",
+    "routes",
+    "where",
+]
+
+#: Numbers of a block of samples, links times parts of the line: 16 MB to an array.
+_BLOCK = 2_000_000
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class AlongBelt:
+    """A history of links in places that are fixed in space.
+
+    Attributes:
+        name: What it is, such as "joints.force".
+        t: Sample times (n_t,) [s].
+        s: Places along the belt line (n_s,) [m], from where it leaves pulley 0.
+        values: There, between the two joints or links next to each place linearly (n_t, n_s).
+        part: What of the line each place is on: the name of a pulley, of a span "crank to idler",
+            or "span 0 to 1" between pulleys without names (n_s,).
+        wraps: Where the line arrives at each pulley and leaves it (n_p, 2) [m]; that of pulley 0 is
+            the last.
+        length: Of the line [m].
+    """
+
+    name: str
+    t: Array
+    s: Array
+    values: Array
+    part: NDArray[np.str_]
+    wraps: Array
+    length: float
+
+    def __repr__(self) -> str:
+        return f"AlongBelt({self.name}: {self.values.shape}, line of {self.length:.6g} m)"
+
+
+def routes(params: Params, travel: Array | None) -> tuple[list[Route], Array]:
+    """Give the belt line and the axes (n, n_p, 2) at every sample; one for all if none moves.
+
+    ``travel``: of the mounts (n_t, n_m), None: of a drive without.
+    """
+    if travel is None:
+        return [params.route], params.centers()[None]
+    centers = np.array([params.centers(row) for row in travel])
+    return [route_at(params.pulleys, one) for one in centers], centers
+
+
+def line_parts(line: Route, radii: Array) -> Array:
+    """Give where each wrap begins and ends along the line (n_p, 2) [m]; pulley 0 comes last."""
+    arcs = radii * line.wraps
+    order = np.roll(np.arange(radii.size), -1)  # span 0, wrap of pulley 1, span 1, ...
+    ends = np.cumsum(line.spans + arcs[order])
+    found = np.empty((radii.size, 2))
+    found[order] = np.column_stack([ends - arcs[order], ends])
+    return found
+
+
+def where(params: Params, points: Array, lines: list[Route], centers: Array) -> Array:
+    """Give the places along the line (n_t, n_b) [m] of points of the belt, in its order.
+
+    Each is projected on the nearest span or wrap; where several are near, as where a belt crosses
+    itself, on that to which the chords between the points lead.
+
+    Args:
+        params: The drive.
+        points: Of the links, in their order (n_t, n_b, 2) [m].
+        lines: The line at every sample, or one for all.
+        centers: Axes then (n_t, n_p, 2), or (1, n_p, 2) [m].
+    """
+    radii = np.array([one.radius for one in params.pulleys])
+    length = np.array([line.length for line in lines])[:, None]
+    wraps = np.array([line_parts(line, radii) for line in lines])
+    leave, senses = np.array([line.leave for line in lines]), lines[0].senses
+    arrive = np.array([line.arrive for line in lines])
+    places, apart = [], []
+    for k in range(radii.size):
+        after = (k + 1) % radii.size
+        begin = np.where(k == 0, 0.0, wraps[:, k, 1])[:, None]
+        # the span that follows pulley k
+        way = arrive[:, after] - leave[:, k]
+        span = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-300)[:, None]
+        along = way[:, None] / span[..., None]
+        off = points - leave[:, k, None]
+        at = np.clip((off * along).sum(axis=-1), 0.0, span)
+        places.append(begin + at)
+        apart.append(np.hypot(*np.moveaxis(off - at[..., None] * along, -1, 0)))
+        # the wrap of pulley k, from its middle
+        off = points - centers[:, k, None]
+        half = 0.5 * (wraps[:, k, 1] - wraps[:, k, 0])[:, None] / radii[k]
+        first = arrive[:, k] - centers[:, k]
+        turn = half[:, 0] * senses[k]
+        c, s = np.cos(turn), np.sin(turn)
+        middle = np.stack([c * first[:, 0] - s * first[:, 1], s * first[:, 0] + c * first[:, 1]], 1)
+        angle = np.clip(senses[k] * turns(middle[:, None], off), -half, half)
+        places.append(wraps[:, k, :1] + radii[k] * (angle + half))
+        turn = senses[k] * angle
+        c, s = np.cos(turn)[..., None], np.sin(turn)[..., None]
+        across = np.stack([-middle[:, 1], middle[:, 0]], axis=-1)[:, None]
+        on_rim = c * middle[:, None] + s * across
+        apart.append(np.hypot(*np.moveaxis(off - on_rim, -1, 0)))
+    place, distance = np.stack(places), np.stack(apart)
+    # along the chords, from wherever most of the nearest projections agree
+    chords = np.hypot(*np.moveaxis(np.roll(points, -1, axis=1) - points, -1, 0))
+    counted = np.cumsum(chords, axis=1) - chords
+    counted = counted * (length / chords.sum(axis=1, keepdims=True))
+    nearest = np.take_along_axis(place, distance.argmin(axis=0)[None], axis=0)[0]
+    turned = (nearest - counted) * (2.0 * np.pi / length)
+    most = np.arctan2(np.sin(turned).sum(axis=1), np.cos(turned).sum(axis=1))[:, None]
+    ahead = np.arctan2(np.sin(turned - most), np.cos(turned - most))
+    begin = (most + np.median(ahead, axis=1, keepdims=True)) * length / (2.0 * np.pi)
+    difference = place - counted - begin
+    difference -= length * np.round(difference / length)
+    best = (distance + np.abs(difference)).argmin(axis=0)[None]
+    return np.asarray(np.take_along_axis(place, best, axis=0)[0] % length)
+
+
+def _points(params: Params, belt: BeltHistory, group: str, rows: slice) -> Array:
+    """Give where the numbers of a group belong: joints, links, or what contact is reported at."""
+    if group == "contact":
+        return contact_points(params, belt, rows)
+    part = coordinates(params, belt, rows)
+    return np.stack([part.x, part.y], axis=-1) if group == "belt" else joint_points(params, part)
+
+
+def along(
+    params: Params,
+    belt: BeltHistory,
+    t: Array,
+    travel: Array | None,
+    name: str,
+    values: Array,
+    places: Array | None,
+) -> AlongBelt:
+    """Interpolate a history of joints or links in places; see :meth:`beltdyn.Result.along_belt`."""
+    line, n_b = params.route, params.n_bodies
+    radii = np.array([one.radius for one in params.pulleys])
+    wraps = line_parts(line, radii)
+    evenly = np.asarray((np.arange(n_b) + 0.5) * (line.length / n_b), dtype=np.float64)
+    s = evenly if places is None else places
+    parts = _part_of(s, wraps)
+    group = name.partition(".")[0]
+    lines, centers = routes(params, travel)
+    found = np.empty((t.size, s.size))
+    size = max(1, _BLOCK // (2 * radii.size * n_b))
+    for begin in range(0, t.size, size):
+        rows = slice(begin, begin + size)
+        each = slice(None) if len(lines) == 1 else rows
+        points = _points(params, belt, group, rows)
+        at = where(params, points, lines[each], centers[each])
+        for k in range(len(at)):
+            now = lines[0 if len(lines) == 1 else begin + k]
+            asked = s if now is line else _moved(s, parts, wraps, line_parts(now, radii))
+            found[begin + k] = np.interp(asked, at[k], values[begin + k], period=now.length)
+    return _told(params, name, t, s, found, wraps)
+
+
+def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: Array) -> AlongBelt:
+    """Give what was found, with the names of the parts of the line."""
+    names = params.pulley_names
+    spans = [
+        span_name(k, names, unnamed=f"span {k} to {(k + 1) % len(names)}")
+        for k in range(len(names))
+    ]
+    texts = np.array([name for pair in zip(spans, names, strict=True) for name in pair])
+    part = texts[_part_of(s, wraps)]
+    length = params.route.length
+    return AlongBelt(name=name, t=t, s=s, values=values, part=part, wraps=wraps, length=length)
+
+
+def cell_places(params: Params) -> Array:
+    """Give where the cells of an ALE belt begin along the line, and its length (n_b + 1,) [m].
+
+    Of each its share of its wrap is the same wherever the axes are.
+    """
+    wraps = line_parts(params.route, np.array([one.radius for one in params.pulleys]))
+    cells = params._cells
+    begins = [0.0]
+    for k in np.roll(np.arange(len(wraps)), -1):  # span, wrap of pulley 1, span, ...
+        begin, end = wraps[k]
+        begins += np.linspace(begin, end, 1 + np.count_nonzero(cells == k)).tolist()
+    return np.array(begins)
+
+
+def along_cells(
+    params: Params, t: Array, name: str, values: Array, places: Array | None
+) -> AlongBelt:
+    """Give a history of cells in places, linear between their middles and constant in spans.
+
+    Velocities and coordinates are those where the cells begin.
+    """
+    edges = cell_places(params)
+    middles = 0.5 * (edges[1:] + edges[:-1])
+    s = middles if places is None else places
+    if name.startswith("belt."):
+        at, columns = edges, np.append(np.arange(middles.size), 0)
+    else:
+        spans = np.flatnonzero(params._cells < 0)
+        at = np.concatenate([middles, edges[spans], edges[spans + 1]])
+        columns = np.concatenate([np.arange(middles.size), spans, spans])
+        order = np.argsort(at, kind="stable")
+        at, columns = at[order], columns[order]
+    found = np.array([np.interp(s, at, row[columns], period=edges[-1]) for row in values])
+    radii = np.array([one.radius for one in params.pulleys])
+    return _told(params, name, t, s, found.reshape(t.size, s.size), line_parts(params.route, radii))
+
+
+def _part_of(s: Array, wraps: Array) -> NDArray[np.intp]:
+    """Give the part of each place: 2 k, the span that follows pulley k; 2 k + 1, its wrap."""
+    n_p = len(wraps)
+    begun = np.searchsorted(np.roll(wraps, -1, axis=0).ravel(), s, side="right")
+    begun = np.minimum(begun, 2 * n_p - 1)  # the end of the line is the end of the last wrap
+    on_wrap = begun % 2
+    return np.asarray(2 * ((begun + on_wrap) // 2 % n_p) + on_wrap)
+
+
+def _moved(s: Array, parts: NDArray[np.intp], wraps: Array, now: Array) -> Array:
+    """Give the places on a line whose axes have moved: at the same share of their part."""
+
+    def edges(of: Array) -> tuple[Array, Array]:
+        begins = np.where(np.arange(len(of)) == 0, 0.0, of[:, 1])
+        spans = np.column_stack([begins, np.roll(of[:, 0], -1)])
+        both = np.stack([spans, of], axis=1).reshape(-1, 2)
+        return both[parts, 0], both[parts, 1]
+
+    begin, end = edges(wraps)
+    to, until = edges(now)
+    share = (s - begin) / np.where(end > begin, end - begin, 1.0)
+    return np.asarray(to + share * (until - to))
+
+
+def follow(
+    params: Params, force: Array, passed: Array, cell: int, at: int = -1
+) -> tuple[NDArray[np.intp], Array]:
+    """Follow a mark on an ALE belt, which is in the middle of a cell at one sample.
+
+    Args:
+        params: The drive.
+        force: Of the cells (n_t, n_b) [N].
+        passed: Stress-free length that has passed (n_t,) [m].
+        cell: The cell.
+        at: The sample.
+
+    Returns:
+        The cell in which it is (n_t,), and the part of that it has behind it (n_t,) [1].
+    """
+    held = np.diff(cell_places(params)) / (1.0 + force / params.belt.axial_stiffness)
+    length = held.sum(axis=1)  # stress-free, but for bends and sinking in
+    ends = np.cumsum(held, axis=1)
+    now = (ends[at, cell] - 0.5 * held[at, cell]) / length[at]
+    share = (now + (passed - passed[at]) / float(params.info["length"])) % 1.0
+    found = np.sum(ends <= (share * length)[:, None], axis=1)
+    found = np.minimum(found, ends.shape[1] - 1)
+    rows = np.arange(passed.size)
+    return found, 1.0 - (ends[rows, found] - share * length) / held[rows, found]
+
+
+def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
+    """Give the stress-free length of belt that passes in a second (n_t,) [m/s].
+
+    Args:
+        params: The drive.
+        belt: ``flow`` of an ALE belt, else ``phi``, ``vx``, ``vy``.
+        force: Of the joints (n_t, n_b) [N].
+    """
+    if params._belt_facts["flows"]:
+        return belt.flow
+    speed = (belt.vx * np.cos(belt.phi) + belt.vy * np.sin(belt.phi)).mean(axis=1)
+    return np.asarray(speed / (1.0 + force.mean(axis=1) / params.belt.axial_stiffness))
+
+
+def momentum_flux(
+    params: Params, flow: Array, force: Array, spans: Array, travel: Array | None
+) -> Array:
+    """Give what the belt's change of momentum takes off the hub loads (n_t, n_p, 2) [N].
+
+    ``m c (v_1 d_1 + v_2 d_2)`` with the flow c, the stress-free length that passes in a second, and
+    the speeds v = c (1 + T / EA) of the spans beside a pulley, whose directions away from it are d.
+
+    Args:
+        params: The drive.
+        flow: Stress-free length that passes in a second (n_t,) [m/s].
+        force: Of the joints (n_t, n_b) [N].
+        spans: Tensions of the spans (n_t, n_p) [N]; NaN: the mean of all joints is taken.
+        travel: Of the mounts (n_t, n_m), None: of a drive without.
+    """
+    stiffness = params.belt.axial_stiffness
+    tension = np.where(np.isnan(spans), force.mean(axis=1)[:, None], spans)
+    pull = params.belt.linear_density * flow[:, None] ** 2 * (1.0 + tension / stiffness)
+    lines, _ = routes(params, travel)
+    way = np.array([np.roll(line.arrive, -1, axis=0) - line.leave for line in lines])
+    length = np.hypot(way[..., 0], way[..., 1])[..., None]
+    one_way = pull[..., None] * np.divide(way, length, out=np.zeros_like(way), where=length > 0.0)
+    return np.asarray(one_way - np.roll(one_way, 1, axis=1))

@@ -1,0 +1,151 @@
+"""Outputs on demand: the names of what a run is to compute and keep, and what follows from them.
+
+A warning of full slip needs ``contact.pulley``, ``.normal``, ``.friction``, ``.velocity`` and
+``pulleys.torque``; of a slack span "span_tension" or both "joints.force" and "contact.pulley"; of
+torques out of scale ``pulleys.torque``, of a driven pulley without friction ``.omega`` as well.
+The error of the mesh, and its warning, are of what every run samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+from .. import _core
+from .histories import GROUPS, ROWS, absent
+
+__all__ = [
+    "EVERY_RUN",
+    "LEDGER",
+    "SPANS",
+    "array_names",
+    "chosen",
+    "has",
+    "lacking",
+    "of_belt",
+    "of_core",
+    "unchecked",
+]
+
+#: Computed from joints and contact, and the ledger, which is one output; the rest are arrays.
+SPANS, LEDGER = "span_tension", "energy"
+#: An integral of an output.
+PASSED = "passed"
+#: What the core is asked for in any case, 2 n_p + 1 numbers a sample.
+EVERY_RUN = ("omega", "torque", "across")
+
+#: What is looked for in the samples of a run, and the outputs that it is found in.
+_LOOKED_FOR = {
+    "no_friction": ("pulleys.omega", "pulleys.torque"),
+    "units": ("pulleys.torque",),
+    "full_slip": (
+        "pulleys.torque",
+        "contact.pulley",
+        "contact.normal",
+        "contact.friction",
+        "contact.velocity",
+    ),
+    "slack_span": (SPANS,),
+    "never_drives": ("couplings.transmitted", "couplings.rim_speed"),
+}
+_OF_SPANS = ("contact.pulley", "joints.force")
+
+
+def array_names() -> dict[str, tuple[str, ...]]:
+    """Give what may be asked for, by group: the names of its arrays, as "joints.force"."""
+    groups = {
+        group: tuple(f"{group}.{name}" for name in kind.array_names())
+        for group, kind in GROUPS.items()
+    }
+    return {**groups, LEDGER: (LEDGER,), SPANS: (SPANS,)}
+
+
+def chosen(outputs: object, ledger: bool, lacks: Collection[str] = ()) -> tuple[str, ...] | None:
+    """Check the outputs asked for; give their names in the order of the table, None: all.
+
+    Args:
+        outputs: Names of groups and arrays, or None.
+        ledger: Whether the run may carry the energy ledger.
+        lacks: What the belt has none of (:func:`lacking`).
+
+    Raises:
+        TypeError: Not a sequence of texts.
+        ValueError: There is no such output, or the belt has none; or "energy" is among them and
+            ``ledger`` is False.
+    """
+    if outputs is None:
+        return None
+    if isinstance(outputs, str):
+        raise TypeError(f"outputs must be a tuple of names, got {outputs!r}: write ({outputs!r},)")
+    if not isinstance(outputs, (tuple, list, set, frozenset)):
+        raise TypeError(f"outputs must be a tuple of names or None, got {type(outputs).__name__}")
+    known = array_names()
+    every = [name for names in known.values() for name in names]
+    asked: set[str] = set()
+    for name in outputs:
+        if not isinstance(name, str):
+            raise TypeError(f"outputs must be names, got {name!r}")
+        if name not in known and name not in every:
+            raise ValueError(f"outputs: there is no {name!r}, there are {_listed()}")
+        if name in lacks:
+            raise ValueError(f"outputs: {name!r} is nothing that this belt has; {absent(name)}")
+        asked.update(known.get(name, (name,)))
+    if LEDGER in asked and not ledger:
+        raise ValueError('outputs asks for "energy", the ledger, and ledger=False leaves it out')
+    return tuple(name for name in every if name in asked)
+
+
+def lacking(params: Any) -> frozenset[str]:
+    """Give the outputs, as "contact.slip", that the belt of a drive has none of."""
+    sizes = params._belt_facts["lacks"]
+    return frozenset(f"{group}.{name}" for group, name, size in ROWS if size in sizes)
+
+
+def of_belt(names: Collection[str] | None, params: Any) -> tuple[str, ...] | None:
+    """Leave out what the belt of a drive lacks; None stands for all that it has."""
+    lacks = lacking(params)
+    return None if names is None else tuple(name for name in names if name not in lacks)
+
+
+def _listed() -> str:
+    """List the names that there are."""
+    groups = []
+    for group, names in array_names().items():
+        short = ", ".join(name.partition(".")[2] for name in names)
+        groups.append(f'"{group}"' if names == (group,) else f'"{group}" ({short})')
+    return f'{"; ".join(groups)}; single arrays as "joints.force"'
+
+
+def has(names: Collection[str] | None, name: str) -> bool:
+    """Tell whether an output is there, of a run of which ``names`` were asked."""
+    if names is None or name in names:
+        return True
+    return name == SPANS and all(one in names for one in _OF_SPANS)
+
+
+def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
+    """Give the names that the core is asked for."""
+    if names is None:
+        every = {"pulley", *(name for name, *_ in _core.OUTPUTS)}
+        needed = every if ledger else every - {LEDGER}
+    else:
+        needed = {name.rpartition(".")[2] for name in names}
+        needed |= {"flow", "theta"} if PASSED in needed else set()
+        needed.discard(PASSED)
+    return tuple(sorted(needed | set(EVERY_RUN)))
+
+
+def unchecked(
+    names: Collection[str] | None, friction: bool, couplings: bool = False
+) -> tuple[str, ...]:
+    """Give the codes of warnings that are not looked for, for want of outputs.
+
+    ``friction``, ``couplings``: whether the drive has any; kinds of warnings concern these drives.
+    """
+    possible = set(_LOOKED_FOR) - {"no_friction" if friction else "full_slip"}
+    possible -= set() if couplings else {"never_drives"}
+    return tuple(
+        code
+        for code, needs in _LOOKED_FOR.items()
+        if code in possible and not all(has(names, one) for one in needs)
+    )

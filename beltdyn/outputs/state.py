@@ -1,0 +1,375 @@
+"""The state of a drive: positions, velocities and friction, from which a run can start."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import attrs
+import numpy as np
+
+from .. import _core
+from ..base import npz
+from ..base.checks import Array, real, real_array
+from ..base.naming import ByPulley, by_index, key, labels
+from ..drive.couplings import OverrunningClutch
+from ..drive.params import Params
+from .spans import span_tension
+
+__all__ = ["State", "Tensions", "belt_speed"]
+
+#: By what rims of pulleys that a belt runs on without load may differ: more than the radii on which
+#: it runs and creep make of them, and less than slip.
+RIMS = 0.01
+
+SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
+#: Those that can have several rows, each of all links.
+ROWS = ("STATES", "SLOTS")
+#: Which array of a size says how many values there are.
+_FIRST = {size: name for name, size in reversed(SIZES.items())} | {
+    "SLOTS": "x",
+    "STATES": "n_bodies",
+}
+#: Those that only some drives have.
+PARTS = tuple(size for size in _FIRST if size not in ("PULLEYS", *ROWS))
+
+
+def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+    """Give every field its converter, and check arrays against the size of x or theta."""
+
+    def array(name: str) -> dict[str, Any]:
+        like = _FIRST[SIZES[name]]
+        several = SIZES[name] in ROWS
+
+        def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
+            expected = (state.n_bodies,) if like == "n_bodies" else getattr(state, like).shape
+            if value.shape[-1:] != expected:
+                raise ValueError(
+                    f"State.{name} must have shape {expected} like "
+                    f"{like.replace('n_bodies', 'x')}, got {value.shape}"
+                )
+
+        return {
+            "converter": lambda value: real_array(
+                f"State.{name}", value, ndim=1, most=2 if several else 1
+            ),
+            "validator": same_size,
+            "eq_key": attrs.cmp_using(eq=np.array_equal),
+        }
+
+    def number(name: str) -> dict[str, Any]:
+        return {
+            "converter": lambda value: (
+                None if value is None and name == "residual" else real(f"State.{name}", value)
+            )
+        }
+
+    return [
+        field.evolve(**(array if field.name in SIZES else number)(field.name)) for field in fields
+    ]
+
+
+def saved_shape(size: str, value: Any) -> tuple[int, ...]:
+    """Shape that a field of this size has in a file: of several rows, or of one."""
+    shape: tuple[int, ...] = np.shape(value)
+    return shape if size in ROWS and len(shape) == 2 else (np.size(value),)
+
+
+def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
+    """Check the speeds of pulleys that a belt runs with; give them, and the speed of their rims.
+
+    Args:
+        name: What the messages call them.
+        params: The drive.
+        omega: Speeds of one or several pulleys, by index or name [rad/s].
+
+    Returns:
+        The speeds by index, and that of the belt on the first rim, positive in the order of its
+        links [m/s].
+
+    Raises:
+        TypeError: Not a mapping from pulleys to numbers.
+        ValueError: No pulley is named, or there is no such one; the rims' speeds differ.
+    """
+    if not isinstance(omega, Mapping):
+        raise TypeError(f"{name} must be a mapping from pulleys to speeds, got {omega!r}")
+    if not omega:
+        raise ValueError(f"{name} must name at least one pulley")
+    names = params.pulley_names
+    radii = params.route.senses * [pulley.radius for pulley in params.pulleys]
+    speeds = {
+        index: real(f"{name}[{key(index, names)}]", value, "rad/s")
+        for index, value in by_index(name, omega, names).items()
+    }
+    rims = {index: float(radii[index]) * value for index, value in speeds.items()}
+    slowest, fastest = (choose(rims, key=rims.__getitem__) for choose in (min, max))
+    v = rims[fastest]
+    if v - rims[slowest] > RIMS * max(map(abs, rims.values())):
+        raise ValueError(
+            f"the rims of {labels(slowest, fastest, names)} must run at one speed, got "
+            f"{rims[slowest]:.10g} and {v:.10g} m/s along the belt: name one of them, or make "
+            "a state with these speeds yourself"
+        )
+    return speeds, next(iter(rims.values()))
+
+
+_NONE = attrs.Factory(lambda: np.empty(0))
+_LINK_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.x), takes_self=True)
+_CELL_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.m), takes_self=True)
+_ROW_ZEROS = attrs.Factory(lambda self: np.zeros(self.n_bodies), takes_self=True)
+_MODE_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.a), takes_self=True)
+_MOUNT_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.travel), takes_self=True)
+_COUPLING_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.rim_angle), takes_self=True)
+_PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self=True)
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Tensions:
+    """The tensions of a belt at one moment.
+
+    Attributes:
+        joints: Force in the joint on the left of each link (n_b,) [N], tension positive.
+        spans: Mean of these over the free span that follows each pulley (n_p,) [N]; NaN where no
+            joint is free.
+        mean: Mean over all joints, or over the belt in all cells [N].
+    """
+
+    joints: Array
+    spans: Array
+    mean: float
+
+    def __str__(self) -> str:
+        spans = ", ".join(f"{tension:.5g}" for tension in self.spans)
+        return f"mean tension {self.mean:.5g} N; spans {spans} N"
+
+
+@attrs.frozen(kw_only=True, repr=False, field_transformer=_checked)
+class State:
+    """Positions, velocities and friction of every link, angle and speed of every pulley.
+
+    Arrays are copies that cannot be changed. Everything but positions and angles is zero if not
+    given.
+
+    Attributes:
+        x: Mass centres of the links (n_b,) [m].
+        y: The same.
+        phi: Angles of the links (n_b,) [rad], continuous; only across joint 0, between the last
+            link and the first, they differ by a whole turn (MODEL section 1).
+        vx: Velocities of the mass centres (n_b,) [m/s].
+        vy: The same.
+        vphi: Angular velocities of the links (n_b,) [rad/s].
+        m: Of an ALE belt (``Belt(mesh="ale")``) the stress-free length of belt in each cell (n_b,)
+            [m]; along the belt: the span behind pulley 0, the arc of pulley 1, and so on. Links
+            have none, nor the ALE belt x to vphi, which are empty then.
+        v: Speed of the belt where each cell begins (n_b,) [m/s], along its numbering.
+        mu: States of the friction law (n_b,), 0 off the pulleys: the friction coefficient [1] of
+            Dahl's law (2.9), its part that the bristles carry of LuGre, the spring's stretch [m]
+            of an elastic/plastic one; 0 of laws without a state. Of a law with several, such as
+            MaxwellSlip, a row for each (n_states, n_b). Where spans are so short that a joint of
+            two links touches both of their pulleys, all rows of one pulley, then of the other.
+        slip: Slip displacements since contact began (n_b,) [m]; with such spans (2, n_b) or more.
+        theta: Angles of the pulleys (n_p,) [rad].
+        omega: Angular velocities of the pulleys (n_p,) [rad/s].
+        travel: Travels of the mounts (n_m,) [rad or m]: of an arm its angle, of a slider its
+            way, of a path the time [s]; empty without mounts.
+        travel_speed: Their rates (n_m,) [rad/s or m/s].
+        mount_friction: Share of a mount's friction that acts (n_m,) [1], within +-1.
+        rim_angle: Angles of the rims beyond couplings (n_c,) [rad], in the order of
+            ``params.coupled``, of torsional dampers of their rings; empty without. ``theta`` and
+            ``omega`` are then those of the hubs.
+        rim_speed: Their angular velocities (n_c,) [rad/s].
+        windup: Windup of the couplings (n_c,) [rad]: of rim against hub, of a clutch in the sense
+            in which it drives and never negative.
+        a: Of an ALE belt the sine modes of its spans (n_p n,) [m], n after n of a span; empty else.
+        p: Their velocities [m/s], those of the axes included.
+        t: Time [s].
+        residual: After settling, the largest unbalanced force over the mean tension; else None.
+
+    Raises:
+        TypeError: Not real numbers.
+        ValueError: Shapes that do not fit together, NaN, infinity.
+    """
+
+    x: Array = _NONE
+    y: Array = _LINK_ZEROS
+    phi: Array = _LINK_ZEROS
+    vx: Array = _LINK_ZEROS
+    vy: Array = _LINK_ZEROS
+    vphi: Array = _LINK_ZEROS
+    m: Array = _NONE
+    v: Array = _CELL_ZEROS
+    mu: Array = _ROW_ZEROS
+    slip: Array = _LINK_ZEROS
+    theta: Array
+    omega: Array = _PULLEY_ZEROS
+    travel: Array = _NONE
+    travel_speed: Array = _MOUNT_ZEROS
+    mount_friction: Array = _MOUNT_ZEROS
+    rim_angle: Array = _NONE
+    rim_speed: Array = _COUPLING_ZEROS
+    windup: Array = _COUPLING_ZEROS
+    a: Array = _NONE
+    p: Array = _MODE_ZEROS
+    t: float = 0.0
+    residual: float | None = None
+
+    @property
+    def n_bodies(self) -> int:
+        """Number of links, n_b; of an ALE belt of cells."""
+        return max(self.x.size, self.m.size)
+
+    @property
+    def n_pulleys(self) -> int:
+        """Number of pulleys, n_p."""
+        return self.theta.size
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy is checked and immutable as well.
+        return partial(State, **attrs.asdict(self, recurse=False)), ()
+
+    def __repr__(self) -> str:
+        at_rest = "" if self.residual is None else f", residual {self.residual:.2g}"
+        nodes = "cells" if self.m.size else "links"
+        return (
+            f"State(t={self.t:.6g}, {self.n_bodies} {nodes}, {self.n_pulleys} pulley(s){at_rest})"
+        )
+
+    def check_fits(self, params: Params, argument: str = "initial") -> None:
+        """Raise ValueError unless the state can be one of a drive, by its shapes and clutches."""
+        sizes, lacks = params._model.sizes, params._belt_facts["lacks"]
+        for name, size in SIZES.items():
+            shape, of_rows = getattr(self, name).shape, size in ROWS and size not in lacks
+            expected = (int(params.info["n_bodies"]) if of_rows else sizes[size],)
+            if shape[-1:] != expected:
+                raise ValueError(f"{argument}.{name} must have shape {expected}, got {shape}")
+        for k, windup in zip(params.coupled, self.windup, strict=True):
+            if isinstance(params.pulleys[k].coupling, OverrunningClutch) and windup < -1e-9:
+                raise ValueError(
+                    f"{argument}.windup of a clutch must be >= 0 (rad), got {windup:g} of that of "
+                    f"{params.label(k)}"
+                )
+
+    def tension(self, params: Params) -> Tensions:
+        """Give the tensions of the belt, as a run reports them (``result.span_tension``).
+
+        Args:
+            params: The drive.
+
+        Raises:
+            ValueError: The state is not one of this drive.
+        """
+        self.check_fits(params)
+        seen = params._model.observe(self._to_core(params))
+        spans = span_tension(seen["pulley"], seen["force"], len(params.pulleys))
+        joints = seen["force"][0]
+        mean = float(np.average(joints, weights=self.m if self.m.size else None))
+        return Tensions(joints=joints, spans=spans[0], mean=mean)
+
+    def at_speed(self, params: Params, omega: ByPulley[float]) -> State:
+        """Give the same state with the belt running, and all pulleys turning with it.
+
+        The belt circulates along itself at the speed of the pulleys named where it runs on them,
+        and the others turn with it. Positions, angles and friction stay as they are: what a running
+        belt changes by its centrifugal force is not in this state, and develops in a transient.
+        ``settle(params, speed=...)`` gives a belt that runs steadily.
+
+        Args:
+            params: The drive.
+            omega: Speeds of one or several pulleys, by index or name [rad/s]; of several, the
+                speeds of their rims must agree to 1 %, and the belt goes with the first.
+
+        Raises:
+            TypeError: Not a mapping from pulleys to numbers.
+            ValueError: No pulley is named, or there is no such one; the rims' speeds differ.
+        """
+        self.check_fits(params)
+        speeds, v = belt_speed("omega", params, omega)
+        core = self._to_core(params)
+        if v != 0.0:
+            # to the first order the belt has the speed of the rim; then that of where it runs
+            first, value = next(iter(speeds.items()))
+            v *= value / float(params._model.set_going(core, v)["omega"][first])
+        going = params._model.set_going(core, v)
+        turning = np.array(going["omega"])
+        turning[list(speeds)] = list(speeds.values())
+        moving = {name: going[name] for name, _, unit, _ in _core.STATE_FIELDS if "/s" in unit}
+        for c, k in enumerate(params.coupled):
+            moving["rim_speed"][c] = turning[k]
+        return attrs.evolve(self, **moving | {"omega": turning}, residual=None)
+
+    @classmethod
+    def _from_core(cls, state: Mapping[str, Any], **changes: Any) -> State:
+        # Without friction the core has no friction state; mu and slip are zero then.
+        fields = {name: state[name] for name in SIZES if np.size(state[name])}
+        n_bodies = next(iter(fields.values())).size
+        for name in (name for name in fields if SIZES[name] in ROWS):
+            if fields[name].size > n_bodies:
+                fields[name] = fields[name].reshape(-1, n_bodies)
+        return cls(**{"t": state["t"], **fields, **changes})
+
+    def _to_core(self, params: Params) -> dict[str, Any]:
+        slots, states = int(params.info["n_slots"]), int(params.info["n_states"])
+        counts = {"SLOTS": slots, "STATES": slots * states}
+
+        def flat(name: str, size: str) -> Array:
+            value: Array = getattr(self, name)
+            count = counts.get(size, 1)
+            if count == 0:
+                return np.empty(0)
+            if value.size == count * value.shape[-1]:
+                return value.ravel()
+            if not value.any():
+                return np.zeros(count * value.shape[-1])
+            each = count // slots  # rows of a slot
+            rows = value.size // value.shape[-1]
+            if rows % each or rows // each != self.slip.size // self.n_bodies:
+                raise ValueError(
+                    f"initial.{name} must have {count} row(s), one for each state of the "
+                    f"friction laws, got {rows}: is it of a drive with other laws? Settle "
+                    "this one, or give a state with zeros"
+                )
+            # of another number of slots: of each link what it has; a run leaves it to the pulley
+            # that the link touches
+            by_slot = value.reshape(-1, each, self.n_bodies)
+            most = np.abs(by_slot).argmax(axis=0)[None]
+            return np.tile(np.take_along_axis(by_slot, most, axis=0)[0], (slots, 1)).ravel()
+
+        return {"t": self.t, **{name: flat(name, size) for name, size in SIZES.items()}}
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write an ``.npz`` file, exactly to ``path``.
+
+        Raises:
+            OSError: It cannot be written; a file that was there before is unchanged.
+        """
+        values: dict[str, Any] = {name: getattr(self, name) for name in (*SIZES, "t")}
+        if self.residual is not None:
+            values["residual"] = self.residual
+        npz.write(path, values)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> State:
+        """Read what :meth:`save` wrote.
+
+        Raises:
+            OSError: The file cannot be read.
+            MemoryError: It is larger than the memory.
+            ValueError: It is not a saved state; the message says what is wrong.
+        """
+
+        def build(values: dict[str, Any]) -> State:
+            fields: dict[str, Any] = {
+                name: npz.number_array(
+                    name, values[name], np.float64, saved_shape(size, values[name])
+                )
+                for name, size in SIZES.items()
+                if size not in PARTS or name in values  # not in the files of earlier versions
+            }
+            for name in ("t", "residual"):
+                if name == "t" or name in values:
+                    fields[name] = float(npz.number_array(name, values[name], np.float64, ()))
+            return cls(**fields)
+
+        return npz.read(path, "State", (*SIZES, "t", "residual"), build)

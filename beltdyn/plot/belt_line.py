@@ -1,0 +1,108 @@
+"""The belt in places fixed in space: tension along the belt line, arcs of contact and slip."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
+
+from ..outputs.places import AlongBelt
+from ..result.result import Result
+from . import style
+from .history import lines, pulley_lines
+from .labels import rows_of_names
+from .select import Pulleys, sample, with_samples
+
+__all__ = ["arcs", "tension_along"]
+
+#: Places to a link: joints are met where they are, and between them forces are interpolated.
+_PER_LINK = 4
+
+
+def tension_along(
+    result: Result,
+    t: float | Iterable[float] | None = None,
+    *,
+    ax: Axes | None = None,
+    **line: Any,
+) -> Axes:
+    """Draw the tension along the belt line, in places fixed in space, at some times.
+
+    Places are counted from where the belt leaves pulley 0, in the sense in which its links are
+    numbered; the wraps on the pulleys are shaded and named. A belt that runs in that sense is drawn
+    from left to right. Where the tension changes on a wrap, friction carries torque; it is constant
+    where the belt sticks and has not stretched since it arrived.
+
+    Args:
+        result: A run with at least one sample.
+        t: Times [s], of each the nearest sample; None: the last.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``. A ``label`` stands before the times if there are several.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+        AttributeError: ``joints.force`` or ``belt`` was not asked for.
+    """
+    result = with_samples(result)
+    times = list(t) if isinstance(t, Iterable) and not isinstance(t, str) else [t]
+    if not times:
+        raise ValueError("t must hold at least one time, got none")
+    rows = [sample(result, one) for one in times]
+    n_s = _PER_LINK * result.params.n_bodies
+    places = np.linspace(0.0, result.params.route.length, n_s + 1)
+    found = result._along("joints.force", places, rows)
+    ax = style.axes(ax)
+    first = not ax.lines
+    texts = [f"t = {result.t[row]:.4g} s" for row in rows]
+    lines(
+        ax,
+        [(k, text, found.s, found.values[k]) for k, text in enumerate(texts)],
+        line,
+    )
+    style.dress(ax, "place along the belt line [m]", "tension [N]")
+    ax.set_xlim(0.0, found.length)
+    if first:
+        _shade(ax, result, found)
+    style.legend(ax)  # a title would stand among the names of the pulleys
+    return ax
+
+
+def _shade(ax: Axes, result: Result, found: AlongBelt) -> None:
+    """Shade the wraps and name them above."""
+    for begin, end in found.wraps:
+        ax.axvspan(begin, end, color="0.93", lw=0.0, zorder=0.5)
+    names = [style.plain(name) for name in result.pulleys.names]
+    rows_of_names(ax, found.wraps.mean(axis=1), names)
+
+
+def arcs(
+    result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
+) -> Axes:
+    """Draw the arcs of contact over time in degrees, and what of them slips, shaded.
+
+    Where the shade reaches the line, the whole wrap slips and friction can carry no more; between
+    the two the belt sticks. A link slips from 95 % of full friction on (:class:`beltdyn.Arcs`).
+
+    Args:
+        result: A run with at least one sample.
+        pulleys: A pulley or several, by index or name; None: all.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``, as in :func:`speeds`.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+        AttributeError: An output that :attr:`beltdyn.Result.arcs` needs was not asked for.
+    """
+    result = with_samples(result)
+    found = result.arcs
+    ax, which = pulley_lines(result, pulleys, np.degrees(found.wrap), ax, line)
+    for k, drawn in zip(which, ax.lines[-len(which) :], strict=True):
+        slip = np.degrees(found.slip[:, k])
+        ax.fill_between(result.t, slip, color=drawn.get_color(), alpha=0.25, lw=0.0)
+    style.dress(ax, "time [s]", "arc [deg]")
+    ax.set_ylim(bottom=0.0)
+    style.legend(ax, handles=[*ax.lines, Patch(color="0.75", label="shaded: slips")])
+    return ax

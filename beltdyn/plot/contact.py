@@ -1,0 +1,170 @@
+"""Contact and friction of single links: forces, friction coefficient, relative velocity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from ..base.checks import Array
+from ..result.result import Result
+from . import style
+from .history import lines
+from .select import Indices, choice, indices, with_samples
+
+__all__ = ["contact_forces", "friction_coefficient", "relative_velocity"]
+
+_FORCES = ("normal", "friction")
+
+
+def contact_forces(
+    result: Result,
+    link: Indices,
+    *,
+    which: str | Sequence[str] = _FORCES,
+    ax: Axes | None = None,
+    **line: Any,
+) -> Axes:
+    """Draw normal (2.8) and friction force (2.10) on links over time: Figs 10 and 16 of the paper.
+
+    Both are 0 off the pulleys. Friction has the sign of mu: it acts on the link against the
+    counter-clockwise tangent.
+
+    Args:
+        result: A run with at least one sample.
+        link: Index or indices of links, from 0.
+        which: "normal", "friction" or both.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``. A ``label`` stands before the names when there are
+            several lines.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    chosen = indices("link", link, result.params.n_bodies)
+    forces = [which] if isinstance(which, str) else which
+    if not isinstance(forces, Sequence):
+        raise TypeError(f"which must be a str or a sequence of them, got {which!r}")
+    if not forces:
+        raise ValueError(f"which must hold at least one of {', '.join(_FORCES)}, got none")
+    for word in forces:
+        choice("which", word, _FORCES)
+    curves = [
+        (n, f"{force}, {_what(result)} {k}", result.t, getattr(result.contact, force)[:, k])
+        for n, (k, force) in enumerate((k, force) for k in chosen for force in forces)
+    ]
+    ax = style.axes(ax)
+    lines(ax, curves, line)
+    style.dress(ax, "time [s]", "contact force [N]")
+    style.legend(ax)
+    return ax
+
+
+def friction_coefficient(
+    result: Result, link: Indices, *, against: str = "time", ax: Axes | None = None, **line: Any
+) -> Axes:
+    """Draw the friction coefficient (2.9) of links: Figs 11, 17 and 18 of the paper.
+
+    The line has a gap where the link touches no pulley, and where contact was lost and regained
+    between two samples.
+
+    Args:
+        result: A run with at least one sample.
+        link: Index or indices of links, from 0.
+        against: "time", or "slip": over the slip displacement in mm, which shows the hysteresis
+            loop of the Dahl law.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``. A ``label`` stands before the name of the link when
+            there are several.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule, or the run had no friction.
+    """
+    result = with_samples(result)
+    choice("against", against, ("time", "slip"))
+    if not result.params.has_friction:
+        raise ValueError("result must be of a drive with friction, no pulley of it has any")
+    xlabel = "time [s]" if against == "time" else "slip displacement [mm]"
+    return _in_contact(
+        result, link, result.contact.mu, against, xlabel, "friction coefficient [1]", ax, line
+    )
+
+
+def relative_velocity(
+    result: Result, link: Indices, *, ax: Axes | None = None, **line: Any
+) -> Axes:
+    """Draw the velocity v_T of links relative to the rim over time: Fig. 12 of the paper.
+
+    The line has a gap where the link touches no pulley.
+
+    Args:
+        result: A run with at least one sample.
+        link: Index or indices of links, from 0.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: For matplotlib's ``plot``, as in :func:`friction_coefficient`.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    result = with_samples(result)
+    velocity = result.contact.velocity
+    label = "relative velocity [m/s]"
+    return _in_contact(result, link, velocity, "time", "time [s]", label, ax, line)
+
+
+def _in_contact(
+    result: Result,
+    link: Indices,
+    values: Array,
+    against: str,
+    xlabel: str,
+    ylabel: str,
+    ax: Axes | None,
+    given: dict[str, Any],
+) -> Axes:
+    curves = []
+    for n, k in enumerate(indices("link", link, result.params.n_bodies)):
+        touches = result.contact.pulley[:, k] >= 0
+        x = result.t if against == "time" else 1e3 * result.contact.slip[:, k]
+        y = np.where(touches, values[:, k], np.nan)
+        if against == "slip":
+            x = np.where(touches, x, np.nan)
+        flows = result.params._belt_facts["flows"]
+        anew = np.zeros(0, dtype=np.intp) if flows else _begun_anew(result, k)
+        name = f"{_what(result)} {k}" + ("" if touches.any() else " (no contact)")
+        curves.append((n, name, np.insert(x, anew, np.nan), np.insert(y, anew, np.nan)))
+    ax = style.axes(ax)
+    lines(ax, curves, given)
+    style.dress(ax, xlabel, ylabel)
+    style.legend(ax)
+    return ax
+
+
+def _what(result: Result) -> str:
+    return "cell" if result.params._belt_facts["flows"] else "link"
+
+
+def _begun_anew(result: Result, k: int) -> NDArray[np.intp]:
+    """Find the samples just before which link k lost contact and regained it.
+
+    One sign is another pulley. On the same pulley the slip displacement, the integral of v_T since
+    contact began, has started from 0 again: then it is closer to the integral over this interval
+    alone than to its old value plus that integral, and farther from the latter than v_T allows.
+    """
+    contact = result.contact
+    pulley, slip, speed = contact.pulley[:, k], contact.slip[:, k], contact.velocity[:, k]
+    touches = (pulley[:-1] >= 0) & (pulley[1:] >= 0)
+    dt = np.diff(result.t)
+    added = dt * (speed[:-1] + speed[1:]) / 2.0
+    within = dt * np.maximum(np.abs(speed[:-1]), np.abs(speed[1:]))
+    off_old = np.abs(slip[1:] - slip[:-1] - added)
+    off_new = np.abs(slip[1:] - np.clip(slip[1:], np.minimum(added, 0), np.maximum(added, 0)))
+    reset = (off_new < off_old) & (off_old > 3.0 * within)
+    # Displacements too short to be visible do not break the line.
+    reset &= np.abs(slip[:-1]) > 0.01 * np.max(np.abs(slip), initial=0.0)
+    found: NDArray[np.intp] = np.flatnonzero(touches & (reset | (pulley[:-1] != pulley[1:]))) + 1
+    return found

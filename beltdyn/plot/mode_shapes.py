@@ -1,0 +1,257 @@
+"""Modes of vibration and frequency responses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
+
+from ..base.checks import Array, integer, positive
+from ..base.naming import span_name
+from ..base.rounding import percent
+from ..outputs.spans import lines_of_cells
+from ..vibration import FrequencyResponse, Modes
+from . import style
+from .animation import Animation
+from .labels import place_names
+from .mounting import MountPicture
+from .select import choice, pulley_indices
+
+__all__ = ["animate_mode", "frequency_response", "mode"]
+
+#: Largest displacement drawn, against the size of the drive; and largest turning drawn [rad].
+_LARGEST, _TURN = 0.045, 0.6
+
+
+class _ModePicture:
+    """A drive in a mode: belt, pulleys with a mark that turns, arms."""
+
+    def __init__(self, ax: Axes, modes: Modes, k: int, scale: float) -> None:
+        self.modes, self.k, self.ax = modes, k, ax
+        self.params, state = modes.params, modes.state
+        self.centers = np.array(self.params.centers(state.travel))
+        self.nodes = _nodes(modes)
+        self.rest = self._line(self.nodes, self.centers)
+        self.size = float(max(np.ptp(self.rest[0]), np.ptp(self.rest[1])))
+        self.scale = scale * _LARGEST * self.size
+        ax.plot(*self.rest, color="0.72", lw=1.0, label="at rest")
+        for k_p, pulley in enumerate(self.params.pulleys):
+            ax.add_patch(
+                Circle(tuple(self.centers[k_p]), pulley.radius, fc="none", ec="0.8", lw=0.8)
+            )
+
+    def _line(self, points: Array, axes: Array, deflection: Array | None = None) -> Array:
+        """Give the closed line of the belt (2, n) through links, or where cells begin (2, n_b)."""
+        if self.params._belt_facts["flows"]:
+            points = np.vstack(lines_of_cells(self.params, points.T, axes, deflection)).T
+        return np.hstack([points, points[:, :1]])
+
+    def belt(self, phase: complex) -> Array:
+        """Places of the belt, exaggerated."""
+        shapes, k = self.modes.shapes, self.k
+        moved = np.array([(shapes.x[k] * phase).real, (shapes.y[k] * phase).real])
+        across = self.scale * (shapes.deflection[k] * phase).real
+        return self._line(self.nodes + self.scale * moved, self.axes_at(phase), across)
+
+    def turns(self, phase: complex) -> Array:
+        """Angles of the marks [rad]: the rims move as far as the belt, at most by _TURN."""
+        theta = self.modes.shapes.theta[self.k]
+        largest = self.scale * abs(theta).max()
+        less = min(1.0, _TURN / largest) if largest > 0.0 else 1.0
+        return np.asarray(less * self.scale * (theta * phase).real)
+
+    def axes_at(self, phase: complex) -> Array:
+        """Axes of the pulleys, exaggerated: along what their mounts do for a small travel."""
+        travel = np.array(self.modes.state.travel)
+        if not travel.size:
+            return self.centers
+        small = (self.modes.shapes.travel[self.k] * phase).real
+        h = 1e-6 / max(float(abs(small).max()), 1e-12)
+        step = np.array(self.params.centers(travel + h * small)) - self.centers
+        return np.asarray(self.centers + self.scale * step / h)
+
+    def mark(self, k: int, turn: float, center: Array) -> Array:
+        """Give a radius of a pulley as a line."""
+        reach = self.params.pulleys[k].radius * np.array([-np.sin(turn), np.cos(turn)])
+        return np.column_stack([center + 0.35 * reach, center + reach])
+
+    def dress(self) -> None:
+        """Set limits and the title."""
+        ax, modes, k = self.ax, self.modes, self.k
+        style.dress(ax, "x [m]", "y [m]")
+        ax.set_aspect("equal", adjustable="datalim")
+        ax.margins(0.08)
+        style.set_title_within(
+            ax,
+            f"mode {k}: {modes.frequency[k]:.4g} Hz, damping {percent(modes.damping[k])}\n"
+            f"{style.plain(modes.names[k])}",
+        )
+
+    def place_names(self) -> None:
+        """Name the pulleys; the last of the layout."""
+        pulleys = self.params.pulleys
+        halo = withStroke(linewidth=2.0, foreground="white", alpha=0.8)
+        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small", "zorder": 6}
+        names = [
+            self.ax.text(x, y, style.title(k, pulley), path_effects=[halo], **look)
+            for k, (pulley, (x, y)) in enumerate(zip(pulleys, self.centers, strict=True))
+        ]
+        lines = np.hstack([self.belt(1.0), self.belt(-1.0)]).T
+        radii = np.array([pulley.radius for pulley in pulleys])
+        pivots = MountPicture.reach(pulleys)
+        place_names(self.ax, names, self.centers, radii, lines, marks=1, pivots=pivots)
+
+
+def _nodes(modes: Modes) -> Array:
+    """Where the links are at the state, or the cells begin (2, n_b) [m]."""
+    seen = modes.params._model.observe(modes.state._to_core(modes.params))
+    return np.array([seen["x"][0], seen["y"][0]])
+
+
+def _height(modes: Modes) -> float:
+    """Height of a figure that the drive fills [inch]."""
+    return style.height_to_scale(np.ptp(_nodes(modes), axis=1), beside=1.3, below=1.8)
+
+
+def mode(modes: Modes, k: int = 0, *, scale: float = 1.0, ax: Axes | None = None) -> Axes:
+    """Draw a mode: the belt, exaggerated, at two opposite phases over the line at rest.
+
+    Marks on the pulleys turn with them, as much exaggerated as the belt, by at most 34 degrees.
+
+    Args:
+        modes: From :func:`beltdyn.modes`.
+        k: Which of them.
+        scale: Factor of the exaggeration.
+        ax: Axes to draw into; None: those of a new figure.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    ax = style.axes(ax, _height(modes))
+    k = integer("k", k, 0, len(modes) - 1)
+    picture = _ModePicture(ax, modes, k, positive("scale", scale, "1"))
+    for side, (phase, words) in enumerate(((1.0, "one end"), (-1.0, "half a period later"))):
+        look: dict[str, Any] = style.line_style(side)
+        ax.plot(*picture.belt(phase), lw=1.8, label=words, **look)
+        centers = picture.axes_at(phase)
+        for j, turn in enumerate(picture.turns(phase)):
+            ax.plot(*picture.mark(j, turn, centers[j]), lw=1.8, **look)
+            if j in modes.params.mounted:
+                radius = modes.params.pulleys[j].radius
+                ax.add_patch(Circle(tuple(centers[j]), radius, fc="none", ec=look["color"], lw=0.8))
+    MountPicture(ax, modes.params.pulleys).move(picture.centers)
+    picture.dress()
+    handles, _ = ax.get_legend_handles_labels()
+    style.legend_below(ax, handles)
+    picture.place_names()
+    return ax
+
+
+def animate_mode(
+    modes: Modes, k: int = 0, *, scale: float = 1.0, duration: float = 2.0, fps: float = 20.0
+) -> Animation:
+    """Animate one period of a mode, shown over ``duration`` seconds.
+
+    Args:
+        modes: From :func:`beltdyn.modes`.
+        k: Which of them.
+        scale: Factor of the exaggeration.
+        duration: Duration of the period shown [s].
+        fps: Frames per second.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    k = integer("k", k, 0, len(modes) - 1)
+    frames = max(2, round(positive("duration", duration, "s") * positive("fps", fps, "1/s")))
+    figure = style.new_figure(height=_height(modes))
+    ax = figure.add_subplot()
+    picture = _ModePicture(ax, modes, k, positive("scale", scale, "1"))
+    (belt,) = ax.plot(*picture.belt(1.0), lw=1.8, color=style.COLOURS[0])
+    marks = [
+        ax.plot(*picture.mark(j, 0.0, picture.centers[j]), lw=1.8, color=style.COLOURS[1])[0]
+        for j in range(len(modes.params.pulleys))
+    ]
+    mounts = MountPicture(ax, modes.params.pulleys)
+    mounts.move(picture.centers)
+    ax.plot(*picture.belt(-1.0), alpha=0.0)  # so that the limits hold both ends
+    picture.dress()
+    picture.place_names()
+    figure.freeze_layout()
+
+    def show(row: np.int64) -> list[Artist]:
+        phase = complex(np.exp(2j * np.pi * int(row) / frames))
+        belt.set_data(*picture.belt(phase))
+        centers = picture.axes_at(phase)
+        for j, turn in enumerate(picture.turns(phase)):
+            marks[j].set_data(*picture.mark(j, turn, centers[j]))
+        return [belt, *marks, *mounts.move(centers)]
+
+    return Animation(figure, show, np.arange(frames, dtype=np.int64), frames / duration)
+
+
+def _unbroken(frequency: Array, phase: Array) -> tuple[Array, Array]:
+    """Leave a gap where a phase [deg] goes on at the other end of its range: it does not jump."""
+    ends = np.flatnonzero(abs(np.diff(phase)) > 270.0) + 1
+    return np.insert(frequency, ends, np.nan), np.insert(phase, ends, np.nan)
+
+
+_QUANTITIES = {
+    "theta": ("angle", "rad"),
+    "omega": ("speed", "rad/s"),
+    "span_tension": ("span tension", "N"),
+    "travel": ("travel", "rad or m"),
+}
+
+
+def frequency_response(
+    response: FrequencyResponse,
+    output: str = "theta",
+    which: Any = None,
+    *,
+    axes: tuple[Axes, Axes] | None = None,
+) -> tuple[Axes, Axes]:
+    """Draw the amplitudes of a frequency response and their phases over the frequency.
+
+    Args:
+        response: From :func:`beltdyn.frequency_response`.
+        output: "theta", "omega", "span_tension" (of the span after each pulley) or "travel".
+        which: Pulleys, by index or name, one or several; None: all. Of "travel" all mounts are
+            drawn.
+        axes: Axes for amplitude and phase; None: those of a new figure.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule.
+    """
+    choice("output", output, tuple(_QUANTITIES))
+    params = response.params
+    values = getattr(response, output)
+    chosen = list(range(values.shape[1]))
+    if output == "travel":
+        names = [params.pulley_names[k] for k in params.mounted]
+    else:
+        names = [
+            span_name(k, params.pulley_names, f"span {k}") if output == "span_tension" else name
+            for k, name in enumerate(params.pulley_names)
+        ]
+        chosen = chosen if which is None else pulley_indices(which, params.pulley_names)
+    if axes is None:
+        figure = style.new_figure(6.4, 5.0)
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
+    else:
+        upper, lower = (style.axes(ax) for ax in axes)
+    for k in chosen:
+        look = style.line_style(k)
+        upper.plot(response.frequency, abs(values[:, k]), label=style.plain(names[k]), **look)
+        lower.plot(*_unbroken(response.frequency, np.degrees(np.angle(values[:, k]))), **look)
+    upper.set_yscale("log")
+    what, unit = _QUANTITIES[output]
+    style.dress(upper, "", f"amplitude of {what} [{unit}]")
+    style.dress(lower, "frequency [Hz]", "phase [deg]")
+    lower.set_yticks([-180, -90, 0, 90, 180])
+    style.legend(upper)
+    return upper, lower

@@ -1,0 +1,212 @@
+"""What a report says of the spans: tensions, the line that stands out, the string's frequency."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.checks import Array
+from ..base.naming import span_name
+from ..outputs.averages import mean_over, time_weights
+from ..outputs.orders import Source, lines_at, sources
+from .hubs import middles
+from .pulleys import spread
+from .rows import SpanRow, Spread
+from .touching import Touching
+from .window import Window
+
+__all__ = ["Line", "dominant", "moving_string", "span_rows", "uneven"]
+
+#: A line stands out if it holds this part of the variance and is this many times the median of the
+#: spectrum: of noise, the largest of 1e4 bins is not so high in one case of a hundred.
+PART, ABOVE = 0.25, 20.0
+#: Least amplitude of one, over the mean tension: below it is what rounding and tolerances leave.
+FAINT = 1e-4
+#: Periods that the window must hold: less is a trend.
+LEAST = 3
+#: How even samples must be, over their interval.
+EVEN = 1e-3
+
+
+class Line(NamedTuple):
+    """A line of a spectrum: frequency [Hz], amplitude."""
+
+    frequency: float
+    amplitude: float
+
+
+def dominant(t: Array, values: Array) -> Line | None:
+    """Find the line that stands out in the spectrum of even samples; None if none does.
+
+    Amplitude spectrum with Hann's window, the mean and the linear trend taken off; its frequency
+    from the three largest values (parabola through their logarithms).
+
+    Args:
+        t: Times (n,) [s], even.
+        values: Samples (n,).
+    """
+    n = t.size
+    if n < 2 * (LEAST + 2):
+        return None
+    centred = np.linspace(-1.0, 1.0, n)
+    less = values - values.mean()
+    less = less - centred * (centred @ less) / (centred @ centred)
+    shape = np.hanning(n + 1)[:-1]
+    power = np.abs(np.fft.rfft(shape * less)) ** 2
+    if n % 2 == 0:
+        power = power[:-1]  # at half the sampling rate amplitude and phase cannot be told apart
+    tail = power[LEAST:]
+    if tail.size < 3 or not tail.max() > 0.0:
+        return None
+    k = LEAST + int(np.argmax(tail))
+    if k + 1 >= power.size:
+        return None
+    near = power[k - 1 : k + 2]
+    if near[1] < near.max():  # the flank of a trend
+        return None
+    if near.sum() < PART * power[1:].sum() or near[1] < ABOVE * np.median(power[1:]):
+        return None
+    left, middle, right = np.log(np.maximum(near, 1e-300 + 1e-30 * near[1]))
+    shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
+    if k + shift < LEAST * n / (n - 1):  # a window of n - 1 intervals
+        return None
+    step = 1.0 / (n * (t[-1] - t[0]) / (n - 1))
+    # A sine on a bin has A n / 4 there, half of it in both neighbours; off a bin the same in all.
+    whole = power[max(1, k - 2) : k + 3].sum()
+    amplitude = np.sqrt(whole / (1.5 * (n / 4.0) ** 2))
+    return Line(float((k + shift) * step), float(amplitude))
+
+
+def moving_string(tension: float, density: float, length: float, speed: float) -> float:
+    """Give the first frequency of a string that moves along itself, (c^2 - v^2) / (2 l c) [Hz].
+
+    Args:
+        tension: T [N], > 0.
+        density: Mass per length of the stretched string [kg/m].
+        length: l [m].
+        speed: v [m/s].
+
+    Returns:
+        0 from the speed of the wave c = sqrt(T / density) on.
+    """
+    wave = float(np.sqrt(tension / density))
+    return max(0.0, (wave**2 - speed**2) / (2.0 * length * wave))
+
+
+def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow], list[str]]:
+    """Give the rows, and what is missing in them."""
+    params, run = window.params, window.run
+    notes: list[str] = []
+    n_p = len(params.pulleys)
+    if n_p == 1:
+        return [], ["one pulley: there is no span between two"]
+    way = window.route()
+    names = params.pulley_names
+    spans = window.spans()
+    means = None if spans is None else window.mean(spans)
+    middle = None if way is None else middles(window)
+    absent = None if middle is None else np.isnan(middle).mean(axis=0)
+    not_even = uneven(window)
+    found = () if not_even else sources(run, window.rows)
+    if not_even:
+        notes.append(f"no frequencies of spans: {not_even}")
+    passing = 0.0 if touching is None else touching.passing(window)
+    rows = []
+    for k in range(n_p):
+        name = span_name(k, names, unnamed=f"{names[k]} to {names[(k + 1) % n_p]}")
+        row: dict[str, Any] = {"name": name, "length": None if way is None else float(way.spans[k])}
+        history = None
+        if middle is not None and absent is not None and absent[k] == 0.0:
+            history = middle[:, k]
+        elif spans is not None and not np.isnan(spans[:, k]).any():
+            history = spans[:, k]
+        if history is not None:
+            of_middle = spread(window, history, passing)
+            assert of_middle is not None
+            mean = of_middle.mean if means is None else float(means[k])
+            row["tension"] = Spread(mean, of_middle.least, of_middle.most)
+        elif means is not None and not np.isnan(means[k]):
+            row["tension"] = spread(window, spans[:, k], passing)  # type: ignore[index]
+        if spans is not None:
+            whole = run.span_tension[:, k]
+            there = whole[~np.isnan(whole)]
+            row["absent"] = 1.0 - there.size / whole.size
+            if there.size:
+                mean = float(mean_over(time_weights(run.t), whole))
+                row["of_run"] = Spread(mean, float(there.min()), float(there.max()))
+            if 0 < there.size < whole.size:
+                notes.append(f"span {name}: {_without(window, k, np.isnan(whole))}")
+        tension = row.get("tension")
+        if tension is None and (spans is not None or middle is not None):
+            notes.append(f"span {name}: no link of it is free of both pulleys in this window")
+        least = tension.least if history is None and tension is not None else np.inf
+        if history is not None:
+            least = float(np.nanmin(history))  # of instants: a blow is none of the mesh
+        if least <= 0.0:
+            notes.append(f"span {name} goes slack: down to {least:.3g} N in its middle")
+        if tension is not None and tension.mean > 0.0:
+            stretch = 1.0 + tension.mean / params.belt.axial_stiffness
+            speed = 0.0 if touching is None else touching.speed * stretch
+            if touching is not None and way is not None:
+                row["lateral"] = moving_string(
+                    tension.mean, params.belt.linear_density / stretch, row["length"], speed
+                )
+        if history is not None and not not_even and tension is not None:
+            line = dominant(window.t, history)
+            if line is not None and line.amplitude > FAINT * abs(tension.mean):
+                row |= {"frequency": line.frequency, "amplitude": line.amplitude}
+                row["link_passing"] = _of_links(found, window.t, line.frequency)
+        rows.append(SpanRow(**row))
+    if not not_even and any(row.tension and row.frequency is None for row in rows):
+        notes.append(
+            f"lines of the spans below {LEAST / window.lasts:.3g} Hz, of which the window does not "
+            f"hold {LEAST} periods; above, a span without a line has none that stands out"
+        )
+    return rows, notes
+
+
+def _without(window: Window, k: int, absent: NDArray[np.bool_]) -> str:
+    """Say in how many samples of the run a span has no tension, and why."""
+    run, names = window.run, window.params.pulley_names
+    why = "no link is free between its pulleys"
+    if run._has("contact.pulley"):
+        touched = run.contact.pulley[absent]
+        for one in (k, (k + 1) % len(names)):
+            if not (touched == one).any(axis=1).all():
+                why = f"no link touches {names[one]}"
+    return (
+        f"{why} in {np.count_nonzero(absent)} of {absent.size} samples of the run; its tension is "
+        "not known there (NaN), and does not count"
+    )
+
+
+def uneven(window: Window) -> str:
+    """Say why there are no spectra of a window; nothing if its samples are even in time."""
+    steps = np.diff(window.t)
+    if steps.size < 2 or np.ptp(steps) <= EVEN * steps.mean():
+        return ""
+    return "the samples are not even in time; give simulate an even t_eval"
+
+
+def _of_links(found: tuple[Source, ...], t: Array, frequency: float) -> bool | None:
+    """Tell whether a line is at the frequency of links that pass, a multiple of it, or an alias.
+
+    None: the window cannot tell. It is too short to tell it from other lines, something else has a
+    harmonic there as well, or the belt changes its speed so much that the links pass at this
+    frequency for a part of it.
+    """
+    resolution = 1.5 / float(t[-1] - t[0])
+    limit = 0.5 * (t.size - 1) / float(t[-1] - t[0])
+    names = lines_at(found, frequency, resolution, limit)
+    of_links = ["link passing" in name for name in names]
+    if any(of_links):
+        sure = all(name.startswith("link passing") for name in names)
+        return True if sure else None
+    for one in found:
+        if one.kind == "link" and one.sharp == 0 and np.isfinite(one.spread):
+            low, high = (one.frequency * (1.0 + side * one.spread) for side in (-0.5, 0.5))
+            if low <= frequency + resolution and frequency - resolution <= 2.0 * high:
+                return None
+    return False

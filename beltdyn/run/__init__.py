@@ -1,0 +1,1 @@
+"""Running: settling, simulating, writing as one goes, going on."""

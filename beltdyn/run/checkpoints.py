@@ -1,0 +1,362 @@
+"""Runs that are written as they go: what is in such a file, writing it, and reading it again.
+
+A file of blocks (:mod:`beltdyn.base.blocks`): at its head what the run was called with; then, again
+and again, the samples since the last write and the core's restart record, from which a run goes on
+bit for bit. Like all files, it may come from anywhere: nothing in it is executed, all is checked.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from typing import Any, NamedTuple, Self
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _core
+from ..base import files
+from ..base.blocks import Block, BlockFile
+from ..base.checks import real
+from ..base.run_warnings import RunWarning
+from . import start_of_run
+from .start_of_run import Start
+
+__all__ = ["Checkpoint", "Continued", "Fresh", "Recorder", "Spent"]
+
+_MARK = b"beltdyn checkpoint 1\n"  #: the number is that of the form of the file
+_HEAD, _ROWS, _RECORD = b"head", b"rows", b"rest"
+#: Of a restart record: samples before it, time [s], CPU and wall time so far [s], whether the run
+#: has finished.
+_BEFORE = struct.Struct("<Qddd?")
+#: Samples of one block [byte]: some of them are in memory twice while they are read.
+_MOST_ROWS = 1 << 26
+
+
+def _path(value: object) -> str:
+    if not isinstance(value, (str, os.PathLike)):
+        raise TypeError(f"Checkpoint.path must be a path, got {type(value).__name__}")
+    path = os.fspath(value)
+    if not isinstance(path, str) or not path:
+        raise ValueError(f"Checkpoint.path must be a text that is not empty, got {path!r}")
+    return path
+
+
+def _every(value: object) -> float:
+    every = real("Checkpoint.every", value, "s")
+    if every < 0.0:
+        raise ValueError(f"Checkpoint.every must be >= 0 s, got {every:g} s")
+    return every
+
+
+@attrs.frozen
+class Checkpoint:
+    """Where a run is written as it goes, and how often (``checkpoint`` of :func:`simulate`).
+
+    Attributes:
+        path: The file; there must be none yet.
+        every: Wall time between two writes [s], >= 0; 0: after some milliseconds each. A write
+            waits for the disk and adds, besides the new samples, 38 kB for 60 links, 94 to 160 kB
+            for 240.
+
+    Raises:
+        TypeError, ValueError: Not a path, not a time.
+    """
+
+    path: str = attrs.field(converter=_path)
+    every: float = attrs.field(default=30.0, converter=_every)
+
+    @classmethod
+    def of(cls, value: object) -> Checkpoint:
+        """Give a path as a Checkpoint, and one as it is.
+
+        Raises:
+            TypeError, ValueError: It is neither.
+        """
+        if isinstance(value, Checkpoint):
+            return value
+        if not isinstance(value, (str, os.PathLike)):
+            raise TypeError(
+                "checkpoint must be a path, a Checkpoint(path, every=...) or None, "
+                f"got {type(value).__name__}"
+            )
+        return cls(value)
+
+
+class Spent(NamedTuple):
+    """Times spent on a run so far [s]: CPU, wall, settling."""
+
+    cpu: float = 0.0
+    wall: float = 0.0
+    settle: float = 0.0
+
+
+class _Kept(NamedTuple):
+    """A restart record and what goes with it."""
+
+    samples: int
+    t: float
+    spent: Spent
+    finished: bool
+    record: bytes
+
+
+class Recorder:
+    """Writes a run to its file: between chunks of it when it is time, and when it ends.
+
+    After each chunk the restart record is kept in memory, so that there is one also where the run
+    ends in the middle of a step: by an exception of the torque function.
+
+    Attributes:
+        path: The file.
+        every: Wall time between two writes [s].
+    """
+
+    def __init__(self, path: str, every: float) -> None:
+        self.path, self.every = path, every
+        self._file: BlockFile | None = None
+        self._writes = True
+        self._arrays: Mapping[str, NDArray[Any]] = {}
+        self._spent: Callable[[], Spent] = Spent
+        self._kept: _Kept | None = None
+        self._written = 0  # samples
+        self._up_to: float | None = None  # time [s]
+        self._due = 0.0
+        self._failures: list[tuple[float, str]] = []
+
+    def begin(
+        self, sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], start: Start
+    ) -> Spent:
+        """Begin with a simulation that has not made a step; give what was spent on it before."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """Close the file."""
+        if self._file is not None:
+            self._file.close()
+
+    def count(self, spent: Callable[[], Spent]) -> None:
+        """Tell what gives the times spent on the run."""
+        self._spent = spent
+        self._due = time.perf_counter() + self.every
+
+    def look(self, sim: _core.Simulation) -> None:
+        """Write what is there if it is time to; between two chunks of the run."""
+        if not self._writes:
+            return
+        self._keep(sim, finished=False)
+        if time.perf_counter() >= self._due:
+            self._write()
+
+    def end(self, sim: _core.Simulation, *, finished: bool = False, sound: bool = True) -> None:
+        """Write what is there when the run ends.
+
+        Args:
+            sim: The run.
+            finished: Whether it reached its end.
+            sound: Whether it is that of the drive up to where it is; not so if a torque function
+                failed and the core does not know.
+        """
+        if not self._writes:
+            return
+        if sound:
+            with suppress(RuntimeError):  # it failed, perhaps in the middle of a step
+                self._keep(sim, finished)
+        self._write()
+
+    @property
+    def hint(self) -> str:
+        """How to go on; "" if nothing is in the file."""
+        return "" if self._file is None else f"go on with beltdyn.resume({self.path!r})"
+
+    @property
+    def warnings(self) -> tuple[RunWarning, ...]:
+        """What went wrong with the file."""
+        if not self._failures:
+            return ()
+        t, why = self._failures[0]
+        often = "" if len(self._failures) == 1 else f", and {len(self._failures) - 1} time(s) later"
+        holds = (
+            "has nothing but how the run began"
+            if self._up_to is None
+            else f"holds the run up to t = {self._up_to:.6g} s"
+        )
+        text = (
+            f"the checkpoint {self.path} could not be written at t = {t:.6g} s{often} ({why}); the "
+            f"run went on, and the file {holds}"
+        )
+        return (RunWarning(code="checkpoint", text=text, t=t),)
+
+    def _keep(self, sim: _core.Simulation, finished: bool) -> None:
+        record = sim.export_record()
+        self._kept = _Kept(sim.samples, sim.time, self._spent(), finished, record)
+
+    def _write(self) -> None:
+        """Append the kept record and the samples before it, if it is not there already."""
+        kept, file = self._kept, self._file
+        if kept is None or file is None:
+            return
+        try:
+            file.append(self._blocks(kept))
+        except OSError as error:
+            self._failures.append((kept.t, error.strerror or str(error)))
+        else:
+            self._written, self._up_to, self._kept = kept.samples, kept.t, None
+        self._due = time.perf_counter() + self.every
+
+    def _blocks(self, kept: _Kept) -> Iterator[tuple[bytes, list[memoryview]]]:
+        rows = max(1, _MOST_ROWS // max(1, row_size(self._arrays)))
+        for begin in range(self._written, kept.samples, rows):
+            some = slice(begin, min(begin + rows, kept.samples))
+            yield _ROWS, [self._arrays[name][some].data for name in sorted(self._arrays)]
+        before = _BEFORE.pack(kept.samples, kept.t, *kept.spent[:2], kept.finished)
+        yield _RECORD, [memoryview(before), memoryview(kept.record)]
+
+
+def row_size(arrays: Mapping[str, NDArray[Any]]) -> int:
+    """Give the size of the samples at one time [byte]."""
+    return sum(
+        array.dtype.itemsize * int(np.prod(array.shape[1:], dtype=np.int64))
+        for array in arrays.values()
+    )
+
+
+class Fresh(Recorder):
+    """Writes a run from its beginning."""
+
+    def __init__(self, checkpoint: Checkpoint) -> None:
+        """Check that there is no file yet and that one can be made.
+
+        Raises:
+            OSError: None can be made there.
+            ValueError: There is one.
+        """
+        super().__init__(checkpoint.path, checkpoint.every)
+        if os.path.lexists(self.path):
+            raise ValueError(
+                f"checkpoint: there is a file {self.path} already: go on with the run in it "
+                f"(beltdyn resume {self.path}, or beltdyn.resume in Python), remove it, or choose "
+                "another name"
+            )
+        files.check_writable(self.path)
+
+    def begin(
+        self, sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], start: Start
+    ) -> Spent:
+        """Make the file, with all that the run was called with.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        BlockFile.create(self.path, _MARK, _HEAD, start_of_run.pack(start, self.every))
+        self._file = BlockFile(self.path, _MARK, _RECORD, write=True)
+        self._arrays = arrays
+        return Spent(settle=start.settle_time)
+
+
+class Continued(Recorder):
+    """Goes on with a run, and with writing it.
+
+    Attributes:
+        start: What the run was called with.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], write: bool, every: float | None) -> None:
+        """Read a file.
+
+        Args:
+            path: Where it is.
+            write: Whether to go on writing to it.
+            every: Wall time between two writes [s]; None: as before.
+
+        Raises:
+            OSError: It cannot be read or, for ``write``, written.
+            ValueError: It is no file of a run, of another version, or damaged.
+        """
+        super().__init__(_path(path), 0.0)
+        try:
+            file = BlockFile(self.path, _MARK, _RECORD, write)
+        except ValueError as error:
+            raise self._refusal(f"it is no checkpoint of a run, {error}") from None
+        try:
+            self.start, kept_every = start_of_run.unpack(file.content(file.blocks[0]))
+            self.every = _every(kept_every if every is None else every)
+            level = _core.kernel_level()
+            if self.start.kernels != level:
+                raise ValueError(
+                    f"the run uses the instruction level {self.start.kernels}, this process "
+                    f"{level}, and they do not give the same bits: set the environment variable "
+                    f"BELTDYN_KERNELS={self.start.kernels}, on a processor that has it"
+                )
+        except (TypeError, ValueError) as error:
+            file.close()
+            raise self._refusal(error) from None
+        except BaseException:
+            file.close()
+            raise
+        self._file, self._writes = file, write
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def begin(
+        self, sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], start: Start
+    ) -> Spent:
+        """Take the samples and the restart record.
+
+        Raises:
+            OSError: They cannot be read.
+            ValueError: They are of another run, of another machine, or do not fit together.
+        """
+        assert self._file is not None
+        self._arrays = arrays
+        blocks = self._file.blocks
+        settle = self.start.settle_time
+        if blocks[-1].kind != _RECORD:
+            return Spent(settle=settle)
+        content = self._file.content(blocks[-1])
+        if len(content) < _BEFORE.size:
+            raise self._refusal("a restart record is too short")
+        samples, t, cpu, wall, finished = _BEFORE.unpack_from(content)
+        try:
+            sim.import_record(memoryview(content)[_BEFORE.size :])
+        except ValueError as error:
+            raise self._refusal(error) from None
+        if sim.samples != samples or sim.time != t:
+            raise self._refusal("a restart record and what is said of it do not fit together")
+        self._read_rows([block for block in blocks if block.kind == _ROWS], samples)
+        self._written, self._up_to = samples, t
+        if finished:
+            self._writes = False  # all is there
+        return Spent(cpu, wall, settle)
+
+    def _read_rows(self, blocks: list[Block], samples: int) -> None:
+        assert self._file is not None
+        size, at = row_size(self._arrays), 0
+        for block in blocks:
+            count = block.size // max(1, size)
+            if count * size != block.size or count > samples - at:
+                raise self._refusal("its samples are not those of the run")
+            offset = 0
+            for name in sorted(self._arrays):
+                rows = self._arrays[name][at : at + count]
+                if rows.nbytes:
+                    self._file.read_into(block, offset, rows.data.cast("B"))
+                    offset += rows.nbytes
+            at += count
+        if size and at != samples:
+            raise self._refusal("samples are missing")
+        touched = self._arrays.get("pulley", np.zeros(0))[:samples]
+        n_p = len(self.start.scene.params.pulleys)
+        if touched.size and not -1 <= touched.min() <= touched.max() < n_p:
+            raise self._refusal(f"contact.pulley must be from -1 to {n_p - 1}")
+
+    def _refusal(self, why: object) -> ValueError:
+        return ValueError(f"cannot go on from {self.path}: {why}")

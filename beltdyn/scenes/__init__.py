@@ -1,0 +1,51 @@
+"""Named scenes: one library for tests, benchmarks, notebooks and the command line.
+
+Each scene gives ``params, torque_fn, t_end, motion``, so ``simulate(*scenes.kubas_case_1())``
+works. ``hard`` maps names to scenes that are made to break an integrator
+(:class:`beltdyn.scenes.hard_scenes.HardScene`); everywhere else they are called ``"hard/NAME"``.
+"""
+
+from __future__ import annotations
+
+from ..drive.scene import Scene
+from .hard_scenes import SCENES as hard
+from .machines import (
+    conveyor,
+    crossed_belt,
+    flat_belt_axis,
+    serpentine,
+    tensioned_alternator,
+)
+from .named import (
+    describe,
+    flywheel_start,
+    get,
+    kubas_case_1,
+    kubas_case_2,
+    names,
+    three_pulleys,
+    unequal_pulleys,
+)
+from .named import (
+    find as find,
+)
+from .published import ntarladima_2023
+
+__all__ = [
+    "Scene",
+    "conveyor",
+    "crossed_belt",
+    "describe",
+    "flat_belt_axis",
+    "flywheel_start",
+    "get",
+    "hard",
+    "kubas_case_1",
+    "kubas_case_2",
+    "names",
+    "ntarladima_2023",
+    "serpentine",
+    "tensioned_alternator",
+    "three_pulleys",
+    "unequal_pulleys",
+]

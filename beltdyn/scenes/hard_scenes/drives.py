@@ -1,0 +1,124 @@
+"""The drives that hard scenes are changes of, and how they are changed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import attrs
+
+from ...drive.friction import Dahl
+from ...drive.mounts import Mount
+from ...drive.parameters import assign, path_in
+from ...drive.params import Params
+from ...drive.parts import Belt, Contact, Pulley
+from ...drive.scene import Scene
+from ...loads.loads import Load
+from ...loads.torques import PiecewiseLinear, TorqueLike
+
+__all__ = [
+    "LOCKED",
+    "NOTHING",
+    "beside",
+    "changed",
+    "pair",
+    "pulled",
+    "ramp",
+    "scaled",
+    "tensioned",
+]
+
+
+def changed(params: Params, changes: Mapping[str, Any]) -> Params:
+    """Give the drive with parameters changed by name, as ``{"belt.axial_damping": 0.0}``."""
+    drive: Params = assign(params, [(path_in(params, name), changes[name]) for name in changes])
+    return drive
+
+
+def pair(changes: Mapping[str, Any] | None = None) -> Params:
+    """Two equal pulleys and a belt of 300 N without bending stiffness, round in 1.1 ms for a wave.
+
+    It slips in full at 26 N m, where its spans carry 79 and 521 N.
+    """
+    params = Params(
+        belt=Belt(
+            preload=300.0, n_bodies=60, linear_density=0.1, axial_stiffness=60e3, axial_damping=2.0
+        ),
+        pulleys=[
+            Pulley(center=(0.0, 0.0), radius=0.06, inertia=2e-3),
+            Pulley(center=(0.25, 0.0), radius=0.06, inertia=2e-3),
+        ],
+        contact=Contact(linear=1.67e9, damping=1.3e4, compensate=True),
+        friction=Dahl(mu_k=0.6, sigma=1e4),
+    )
+    return params if changes is None else changed(params, changes)
+
+
+def ramp(torque: float = -6.0, load: float = 0.1, over: float = 0.01) -> TorqueLike:
+    """Drive pulley 0 with a torque that rises [N m], brake pulley 1 in proportion [N m s]."""
+    rise = PiecewiseLinear([0.0, over], [0.0, torque], 0)
+    return rise + Load(1, viscous=load)
+
+
+#: No torque.
+NOTHING = PiecewiseLinear([0.0], [0.0], 0)
+#: Motion of a pulley that stands still.
+LOCKED = PiecewiseLinear([0.0], [0.0])
+
+
+def pulled(torque: float, changes: Mapping[str, Any] | None = None, t_end: float = 0.05) -> Scene:
+    """Pull with a torque on pulley 0 [N m] that rises within 10 ms; pulley 1 is locked."""
+    rise = PiecewiseLinear([0.0, 0.01], [0.0, torque], 0)
+    return Scene(pair(changes), rise, t_end, {1: LOCKED})
+
+
+def beside(depth: float, x: float = 0.125) -> Params:
+    """Add an idler on the back of the upper span, at x, which it presses in by so much [m]."""
+    params = pair()
+    idler = Pulley(center=(x, 0.09 - depth), radius=0.03, inertia=1e-4, side="outside")
+    return attrs.evolve(params, pulleys=(params.pulleys[0], idler, params.pulleys[1]))
+
+
+def tensioned(mount: Mount, changes: Mapping[str, Any] | None = None) -> Params:
+    """Two pulleys, and on the back of the belt between them a third on a mount."""
+    params = Params(
+        belt=Belt(n_bodies=60, linear_density=0.1, axial_stiffness=60e3, axial_damping=2.0),
+        pulleys=[
+            Pulley(center=(0.0, 0.0), radius=0.06, inertia=4e-3),
+            Pulley(center=(0.25, 0.0), radius=0.05, inertia=2e-3),
+            Pulley(center=(0.13, 0.045), radius=0.025, inertia=1e-4, side="outside", mount=mount),
+        ],
+        friction=Dahl(mu_k=0.6, sigma=1e4),
+    )
+    return params if changes is None else changed(params, changes)
+
+
+def scaled(scene: Scene, size: float) -> Scene:
+    """Give the scene with its length in a unit ``size`` times as small, forces with it.
+
+    Masses and times are as they are: a force is ``size`` times as large, a torque its square. For
+    two pulleys with a contact, Dahl friction and torques over time alone.
+    """
+
+    def part(one: Any, **powers: int) -> Any:
+        changes = {name: getattr(one, name) * size**power for name, power in powers.items()}
+        return attrs.evolve(one, **changes)
+
+    params, torque = scene.params, scene.torque_fn
+    pulleys = [
+        part(attrs.evolve(p, center=(size * p.center[0], size * p.center[1])), radius=1, inertia=2)
+        for p in params.pulleys
+    ]
+    given = {"length": 1} if params.belt.length is not None else {"preload": 1}
+    drive = attrs.evolve(
+        params,
+        belt=part(
+            params.belt, linear_density=-1, axial_stiffness=1, axial_damping=1,
+            bending_stiffness=3, bending_damping=3, **given,
+        ),
+        pulleys=pulleys,
+        contact=part(params.contact, quadratic=-2, linear=-1, damping=-1),
+        friction=part(params.friction, sigma=-1),
+    )  # fmt: skip
+    terms = PiecewiseLinear(torque.t, size**2 * torque.values)  # type: ignore[union-attr]
+    return scene._replace(params=drive, torque_fn=terms)

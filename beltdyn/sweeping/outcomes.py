@@ -1,0 +1,151 @@
+"""What a run of a sweep gives: its numbers and texts in a row, and what stands where in it."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import attrs
+import numpy as np
+
+from ..base.checks import Array
+
+__all__ = ["NOTHING", "STATUSES", "Axis", "Layout", "Outcome", "Quantity", "in_text", "packed"]
+
+#: How a run may end, and what that means.
+STATUSES = {
+    "finished": "it ran to its end",
+    "refused": "there is no such drive, load or option",
+    "failed": "the run, or settling for it, ended in an error",
+    "measure": "measuring raised an error, or gave what does not fit that of the other runs",
+    "lost": "a worker process died in it several times",
+    "missing": "it was not computed: the sweep was interrupted",
+}
+
+
+class Axis(NamedTuple):
+    """An axis of a quantity, besides those of the sweep.
+
+    Attributes:
+        name: Such as "pulley" or "time".
+        labels: Names or numbers along it; empty: they are only counted.
+        size: How many.
+        units: Of numbers.
+        text: What it is.
+    """
+
+    name: str
+    labels: tuple[str, ...] | tuple[float, ...]
+    size: int
+    units: str = ""
+    text: str = ""
+
+    @property
+    def named(self) -> bool:
+        """Whether its entries have names, so that those of several runs can be joined."""
+        return bool(self.labels) and isinstance(self.labels[0], str)
+
+
+class Quantity(NamedTuple):
+    """A measured quantity: what it is called, its axes, its unit; of numbers or texts."""
+
+    name: str
+    axes: tuple[Axis, ...]
+    units: str
+    text: str
+    words: bool = False
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of its axes."""
+        return tuple(axis.size for axis in self.axes)
+
+    @property
+    def size(self) -> int:
+        """How many numbers or texts it has."""
+        return math.prod(self.shape)
+
+
+@attrs.frozen
+class Layout:
+    """The quantities of a row, one after the other, numbers and texts each for themselves."""
+
+    quantities: tuple[Quantity, ...]
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers a row has."""
+        return sum(one.size for one in self.quantities if not one.words)
+
+    @property
+    def words(self) -> int:
+        """How many texts a row has."""
+        return sum(one.size for one in self.quantities if one.words)
+
+
+NOTHING = Layout(())
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Outcome:
+    """How a run ended, and what it gave.
+
+    Attributes:
+        status: One of :data:`STATUSES`.
+        message: Why it did not finish, in one line; "".
+        warnings: Warnings of the run, one in a line.
+        layout: Of the row; :data:`NOTHING` unless it finished.
+        numbers: The row.
+        words: Its texts.
+        kernels: Level of the kernels that computed it.
+        certain: Whether it would end so on any machine. What a torque function or a measure raises
+            may be due to this one; what is refused costs nothing to refuse again.
+        final: The state at its end as numbers, if another run starts from it; else empty.
+    """
+
+    status: str
+    message: str = ""
+    warnings: str = ""
+    layout: Layout = NOTHING
+    numbers: Array = attrs.field(factory=lambda: np.zeros(0))
+    words: tuple[str, ...] = ()
+    kernels: str = ""
+    certain: bool = True
+    final: Array = attrs.field(factory=lambda: np.zeros(0))
+
+
+def in_text(value: Any) -> str:
+    """Give a value as text: short, and without addresses, which differ between processes.
+
+    Of a law or another object with fields, those that are not at their defaults.
+    """
+    kind: Any = type(value)
+    if attrs.has(kind) and kind.__module__.startswith("beltdyn."):
+        given = [
+            f"{field.name}={in_text(one)}"
+            for field in attrs.fields(kind)
+            if field.init and not _same(one := getattr(value, field.name), field.default)
+        ]
+        return f"{kind.__name__}({', '.join(given)})"
+    if isinstance(value, float):
+        return f"{value:g}"
+    return re.sub(r" at 0x[0-9A-Fa-f]+", "", str(value))
+
+
+def _same(value: Any, default: Any) -> bool:
+    return value is default or (isinstance(value, (bool, int, float, str)) and value == default)
+
+
+def packed(found: Sequence[tuple[Quantity, Any]]) -> tuple[Layout, Array, tuple[str, ...]]:
+    """Put the values of quantities into a row."""
+    parts: list[Array] = [np.zeros(0)]
+    words: list[str] = []
+    for quantity, value in found:
+        if quantity.words:
+            words += [str(one) for one in np.ravel(np.asarray(value, dtype=object))]
+        else:
+            parts.append(np.ravel(np.asarray(value, dtype=np.float64)))
+    layout = Layout(tuple(quantity for quantity, _ in found))
+    return layout, np.concatenate(parts), tuple(words)

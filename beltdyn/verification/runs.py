@@ -1,0 +1,153 @@
+"""Runs of a scene at given settings: their CPU time, and what is read off them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import attrs
+import numpy as np
+
+from ..base.checks import Array
+from ..base.run_warnings import silenced
+from ..drive.scene import Scene
+from ..outputs.accuracy_report import Accuracy
+from ..outputs.state import State
+from ..result.result import Result
+from .quantities import Observed, observe, with_links
+from .settings import Setting
+
+__all__ = ["Done", "Reached", "Runs", "whole_scene"]
+
+
+def whole_scene(value: object) -> Scene:
+    """Give a scene that can be run, from one or from a tuple of its parts.
+
+    Raises:
+        TypeError: It is neither.
+        ValueError: Parts that do not fit each other.
+    """
+    if not isinstance(value, tuple) or not 3 <= len(value) <= 4:
+        raise TypeError(
+            "scene must be a bd.Scene(params, torque_fn, t_end), or one of bd.scenes, "
+            f"got {type(value).__name__}"
+        )
+    scene = Scene(*value)
+    scene.check()
+    return scene
+
+
+@attrs.frozen(eq=False)
+class Reached:
+    """How far a run is.
+
+    Attributes:
+        start: The state it started from.
+        t: Time [s].
+        steps: Steps so far.
+        method: The method in use.
+    """
+
+    start: State
+    t: float
+    steps: int
+    method: str
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Done:
+    """A finished run.
+
+    Attributes:
+        cpu: CPU time without settling [s].
+        steps: Steps, rejected ones included.
+        seen: What is read off it.
+        told: What its result tells of its accuracy.
+    """
+
+    cpu: float
+    steps: int
+    seen: Observed
+    told: Accuracy
+
+
+class Runs:
+    """Runs of one scene; on each mesh the belt is settled once. Safe in several threads.
+
+    Args:
+        scene: The scene.
+        simulate: :func:`beltdyn.simulate`.
+        settle: :func:`beltdyn.settle`.
+        t_eval: Sample times (n_t,) [s]; None: 1001 equally spaced ones, as in a run by default.
+        last: Part of the run that means are taken over.
+        initial: State to start from, which fits one mesh only; None: the belt at rest.
+        options: Further keywords of every run.
+        clock: Gives the CPU time of this thread [s].
+
+    Attributes:
+        settling: CPU time of settling on the meshes so far [s].
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        simulate: Callable[..., Result],
+        settle: Callable[..., State],
+        *,
+        t_eval: Array | None = None,
+        last: float = 0.2,
+        initial: State | None = None,
+        options: Mapping[str, Any] | None = None,
+        clock: Callable[[], float] = time.thread_time,
+    ) -> None:
+        self.scene = scene
+        start = 0.0 if initial is None else initial.t
+        self.t_eval = np.linspace(start, scene.t_end, 1001) if t_eval is None else t_eval
+        self.settling: dict[int, float] = {}
+        self._simulate, self._settle = simulate, settle
+        self._last, self._options = last, options or {}
+        self._rest: dict[int, State] = {}
+        self._initial, self._clock = initial, clock
+        self._lock = threading.Lock()
+        self._locks: dict[int, threading.Lock] = {}
+
+    def __call__(self, setting: Setting) -> Done:
+        """Simulate at a setting; no warnings are issued.
+
+        Raises:
+            SimulationError: The run failed, or its belt did not settle.
+        """
+        params = with_links(self.scene.params, setting.n_bodies)
+        with silenced():
+            result = self._simulate(
+                params,
+                self.scene.torque_fn,
+                self.scene.t_end,
+                motion=self.scene.motion,
+                initial=self.start(setting.n_bodies),
+                t_eval=self.t_eval,
+                **{**self._options, **setting.options},
+            )
+        return Done(
+            cpu=result.stats.cpu_time,
+            steps=result.stats.steps + result.stats.rejected,
+            seen=observe(result, self._last),
+            told=result.accuracy,
+        )
+
+    def start(self, n_bodies: int) -> State | None:
+        """Give the state to start from on a mesh; None if the run itself has to arrange it."""
+        if self._initial is not None:
+            return self._initial
+        if self.scene.motion:  # which may begin at speed
+            return None
+        with self._lock:
+            lock = self._locks.setdefault(n_bodies, threading.Lock())
+        with lock:
+            if n_bodies not in self._rest:
+                begun = self._clock()
+                self._rest[n_bodies] = self._settle(with_links(self.scene.params, n_bodies))
+                self.settling[n_bodies] = self._clock() - begun
+            return self._rest[n_bodies]

@@ -1,0 +1,433 @@
+"""A run verified by other runs: an unrelated or tighter integration, and other meshes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from types import TracebackType
+from typing import Any
+
+import attrs
+import numpy as np
+
+from .. import _core
+from ..base.naming import ByPulley
+from ..base.run_warnings import silenced
+from ..base.stopping import Stopper
+from ..drive.compliance import compliance_error
+from ..drive.params import Params
+from ..loads.motions import MotionLike, in_core
+from ..loads.torques import Torque, TorqueLike
+from ..outputs.accuracy_report import SPACE_FLOOR, TIME_FLOOR, Accuracy, QuantityError, known
+from ..outputs.state import State
+from ..result.errors import Interrupted
+from ..result.result import Result
+from .quantities import (
+    HISTORIES,
+    OBSERVED,
+    QUANTITIES,
+    Observed,
+    differences,
+    observe,
+    with_links,
+)
+from .runs import Reached
+from .space import space_error
+
+__all__ = ["Verification"]
+
+#: Links of the other meshes over those of the run. The finer one costs about twice as much as the
+#: run, the coarser one half.
+COARSE, FINE = 0.5, 1.5
+#: Tolerance of the check in time over that of the run.
+TIGHTER = 0.1
+#: Meshes differ so much that their integration need not be better than this.
+MESH_RTOL = 1e-3
+#: A step of "tsit5" is stable up to about this over the joints' spectral bound.
+STABLE = 3.2
+#: The check in time may cost this many times the run.
+AFFORDABLE = 2.0
+#: From this part of the run on the check in time can begin, by the method that it is likely to
+#: need: the same with so many times the steps that the run seems to take, or so many times fewer.
+BEGUN, SURELY = 0.25, 1.5
+#: Means of two integrations agree by chance if they do so better than this share of the tensions'
+#: histories.
+CHANCE = 0.03
+#: Integrations whose tensions differ by so many times the tolerance have parted.
+PARTED, PARTED_RTOL = 100.0, 1e-4
+#: Histories are judged if they are known over this part of the run.
+JUDGED = 0.1
+
+_SPEEDS = ("vx", "vy", "vphi", "v", "p", "omega")
+
+#: ``simulate`` without verification; it also gives the state from which the run started.
+Run = Callable[..., tuple[Result, State]]
+Settle = Callable[..., State]
+
+
+@attrs.frozen
+class _Check:
+    """What is kept of a run that verifies another."""
+
+    name: str
+    observed: Observed
+    cpu_time: float
+    apart_from: float | None
+
+
+class Verification:
+    """The runs that verify one run, within a ``with`` block around it.
+
+    On entry the other meshes begin in a second thread, if the core evaluates the torques alone, and
+    the check in time there as well as soon as it is known by which method; functions of the user
+    are called from this thread only, and their runs follow one another.
+    """
+
+    def __init__(
+        self,
+        run: Run,
+        settle: Settle,
+        params: Params,
+        torque_fn: TorqueLike,
+        t_end: float,
+        motion: ByPulley[MotionLike] | None,
+        initial: State | None,
+        options: Mapping[str, Any],
+    ) -> None:
+        self._run, self._settle = run, settle
+        self._params, self._initial = params, initial
+        self._loads = (torque_fn, t_end, motion)
+        self._options = {
+            name: options[name] for name in ("t_eval", "breakpoints", "max_step", "torque_interval")
+        }
+        self._method: str = options["method"]
+        self._rtol: float = options["rtol"]
+        self._step: float | None = options["step"]
+        self._notes: list[str] = []
+        self._stopper = Stopper()
+        self._pool: ThreadPoolExecutor | None = None
+        self._meshes: dict[float, Future[_Check | str]] = {}
+        self._in_time: tuple[str, Future[_Check | str]] | None = None
+        motions = motion.values() if isinstance(motion, Mapping) else ()
+        self._parallel = isinstance(torque_fn, Torque) and all(in_core(one) for one in motions)
+
+    def __enter__(self) -> Verification:
+        if self._parallel:
+            self._pool = ThreadPoolExecutor(1, thread_name_prefix="beltdyn-verify")
+            # What has not begun when this thread is free is run here.
+            for ratio in (COARSE, FINE):
+                self._submit_mesh(self._pool, ratio)
+        return self
+
+    def _submit_mesh(self, pool: ThreadPoolExecutor, ratio: float) -> None:
+        self._meshes[ratio] = pool.submit(self._in_thread, self._on_mesh, ratio)
+
+    def watch(self, reached: Reached) -> None:
+        """Let the check in time begin, the dearest run, as soon as its method can be chosen."""
+        start, end = reached.start.t, float(self._loads[1])
+        part = (reached.t - start) / (end - start)
+        if self._pool is None or self._in_time is not None or part < BEGUN:
+            return
+        if self._method == "auto" and reached.method == "tsit5":
+            return  # it may still change
+        methods = {
+            self._methods(reached.method, share * reached.steps / part, end - start)[0]
+            for share in (1.0 / SURELY, SURELY)
+        }
+        if len(methods) > 1:
+            return
+        method = methods.pop()
+        begun = self._pool.submit(self._in_thread, self._check_time, method, reached.start)
+        self._in_time = method, begun
+        if self._meshes[FINE].cancel():
+            self._submit_mesh(self._pool, FINE)
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _traceback: TracebackType | None,
+    ) -> None:
+        self._stopper.stop()
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+
+    def judge(self, result: Result, start: State) -> Accuracy:
+        """Give the accuracy of the run, once it has finished.
+
+        Args:
+            result: The run.
+            start: The state it started from.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C.
+        """
+        before = known(result)
+        try:
+            observed = observe(result)
+        except ValueError as error:
+            return attrs.evolve(before, notes=(f"not verified: {error}",))
+        stats, duration = result.stats, result.final_state.t - start.t
+        methods = self._methods(stats.method, stats.steps, duration)
+        if self._in_time is not None and self._in_time[1].cancel():
+            self._in_time = None
+        left = self._in_time is not None and self._in_time[0] == methods[0]
+        before_meshes = None if left else self._time(methods, start)
+        meshes = {ratio: self._mesh(ratio) for ratio in (FINE, COARSE)}
+        in_time = before_meshes or self._time(methods, start)
+        checks = {
+            name: check
+            for name, check in (
+                ("time", in_time),
+                ("coarse", meshes[COARSE]),
+                ("fine", meshes[FINE]),
+            )
+            if isinstance(check, _Check)
+        }
+        notes = [check for check in (in_time, *meshes.values()) if isinstance(check, str)]
+        until = _until(result, observed, in_time, PARTED * max(self._rtol, PARTED_RTOL))
+        errors = self._errors(observed, checks, until, before)
+        complete = all(one.total is not None for one in errors if one.quantity not in HISTORIES)
+        complete &= until is not None or all(one.total is not None for one in errors)
+        return attrs.evolve(
+            before,
+            verified=complete,
+            errors=errors,
+            until=until,
+            runs=tuple(f"{check.name}, {check.cpu_time:.2g} s CPU" for check in checks.values()),
+            notes=tuple(dict.fromkeys(notes)),
+        )
+
+    def _errors(
+        self,
+        observed: Observed,
+        checks: Mapping[str, _Check],
+        until: float | None,
+        before: Accuracy,
+    ) -> tuple[QuantityError, ...]:
+        judged = math.inf if until is None else until
+        known_part = judged - observed.t[0] >= JUDGED * (observed.t[-1] - observed.t[0])
+        in_time = {}
+        if "time" in checks:
+            in_time = differences(observed, checks["time"].observed, judged)
+        of_contact = self._of_contact(observed)
+        meshes = {}
+        for name, ratio in (("coarse", COARSE), ("fine", FINE)):
+            if name in checks:
+                meshes[name] = (self._finer(self._links(ratio)), checks[name].observed)
+        errors = []
+        for quantity in QUANTITIES:
+            time = None if "time" in checks else before[quantity].time
+            space, order = before[quantity].space, None
+            if known_part or quantity not in HISTORIES:
+                if quantity in in_time:
+                    least = CHANCE * in_time["tension"] if quantity not in HISTORIES else 0.0
+                    time = _finite(max(TIME_FLOOR, in_time[quantity], least))
+                if meshes:
+                    found, order = space_error(
+                        quantity, observed, meshes.get("coarse"), meshes.get("fine"), judged
+                    )
+                    space = None if found is None else _finite(max(SPACE_FLOOR, found))
+            errors.append(
+                QuantityError(
+                    quantity=quantity,
+                    time=time,
+                    space=space,
+                    order=order,
+                    compliance=of_contact[quantity],
+                )
+            )
+        return tuple(errors)
+
+    def _of_contact(self, observed: Observed) -> dict[str, float]:
+        """Give what the compliance of the contact changes, under the load of the last part."""
+        tension = observed.span_mean
+        if not (np.isfinite(tension).all() and tension.min() >= 0.0 and tension.max() > 0.0):
+            return compliance_error(self._params)
+        radii = np.array([pulley.radius for pulley in self._params.pulleys])
+        rims = observed.speed[-1] * radii * self._params.route.senses
+        along = rims[np.argmax(np.abs(rims))]
+        return compliance_error(self._params, tension, float(along))
+
+    # --- the runs ---
+
+    def _time(self, methods: Sequence[str], start: State) -> _Check | str:
+        """Give what a tighter integration of the same mesh shows, by the first to get through."""
+        tried = ""
+        for method in methods:
+            if self._in_time is not None and self._in_time[0] == method:
+                check = self._in_time[1].result()
+            else:
+                check = self._check_time(method, start)
+            if isinstance(check, _Check):
+                return check
+            tried = check
+        return f"error in time not verified: {tried}"
+
+    def _explicit_steps(self, duration: float) -> float:
+        """Give how many steps "tsit5" takes where stability limits them."""
+        return duration * self._params.info["spectral_bound"] / STABLE
+
+    def _methods(self, used: str, steps: float, duration: float) -> list[str]:
+        """Give the methods that can check a run, which took so many steps, the best first."""
+        affordable = AFFORDABLE * self._params._belt_facts["implicit_cost"] * steps
+        if used == "tsit5" or self._explicit_steps(duration) > affordable:
+            return ["rodas4"]
+        return ["tsit5", "rodas4"]
+
+    def _check_time(self, method: str, start: State) -> _Check | str:
+        """Integrate the same mesh again, to a tighter tolerance."""
+        rtol = max(1e-12, TIGHTER * (self._rtol if self._step is None else min(self._rtol, 1e-4)))
+        # Friction or contact may be stiffer than the joints: explicit steps then go nowhere.
+        steps = self._explicit_steps(float(self._loads[1]) - start.t)
+        return self._checked(
+            f"{method} at rtol = {rtol:.2g} on the same mesh",
+            self._params,
+            start,
+            method=method,
+            rtol=rtol,
+            max_steps=math.ceil(3.0 * steps) + 1000 if method == "tsit5" else None,
+        )
+
+    def _links(self, ratio: float) -> int:
+        return max(3, round(ratio * self._params.n_bodies))
+
+    def _finer(self, n_bodies: int) -> float:
+        """Give how much finer a mesh of so many links is; by cells on pulleys, of which it is."""
+        own, flows = self._params, self._params._belt_facts["flows"]
+        spans = len(own.pulleys) if flows else 0
+        if flows:
+            n_bodies = with_links(own, n_bodies).n_bodies
+        return (n_bodies - spans) / (own.n_bodies - spans)
+
+    def _mesh(self, ratio: float) -> _Check | str:
+        """Give what another mesh shows, run here unless the other thread has begun it."""
+        future = self._meshes.get(ratio)
+        if future is None or future.cancel():
+            return self._on_mesh(ratio)
+        return future.result()
+
+    def _in_thread(self, check: Callable[..., _Check | str], *what: Any) -> _Check | str:
+        with self._stopper.watch():
+            return check(*what)
+
+    def _on_mesh(self, ratio: float) -> _Check | str:
+        n_bodies, own = self._links(ratio), self._params.n_bodies
+        nodes = self._params._belt_facts["nodes"]
+        if n_bodies > _core.MAX_LINKS or self._finer(n_bodies) == 1.0:
+            return f"no mesh of {ratio:g} times the {nodes} was tried"
+        method, rtol, step = self._method, max(self._rtol, MESH_RTOL), self._step
+        if ratio < 1.0 and step is None and method in ("auto", "tsit5"):
+            method = "rodas4"  # unrelated to most of the run
+        if step is not None and method == "rk4":
+            step *= own / n_bodies  # as its stability asks
+        fixed = step if method in ("rk4", "lbdf2", "lie") else None
+        name = f"{n_bodies} {nodes} with {method}" + ("" if fixed else f" at rtol = {rtol:.2g}")
+        try:
+            params = with_links(self._params, n_bodies)
+            start = None
+            if self._initial is not None:
+                start = _as_settled(self._initial, self._params, params, self._settle)
+                if start is None:
+                    return (
+                        "error of the mesh not verified: the initial state is given on "
+                        f"{own} {nodes}, and is not one of settle(params, ...) or its at_speed(...)"
+                    )
+        except Interrupted:
+            raise
+        except Exception as error:
+            return f"{name}: {_line(error)}"
+        return self._checked(name, params, start, method=method, rtol=rtol, step=fixed)
+
+    def _checked(
+        self, name: str, params: Params, start: State | None, **options: Any
+    ) -> _Check | str:
+        """Run; an error, also of a user's function, is given as text: the main result is kept."""
+        torque_fn, t_end, motion = self._loads
+        options = {**self._options, "step": None, "max_steps": None, **options}
+        try:
+            with silenced():
+                result, _ = self._run(
+                    params,
+                    torque_fn,
+                    t_end,
+                    motion,
+                    initial=start,
+                    ledger=False,
+                    outputs=OBSERVED,
+                    progress=False,
+                    **options,
+                )
+            return _Check(name, observe(result), result.stats.cpu_time, _apart_from(result))
+        except Interrupted:
+            raise
+        except Exception as error:
+            return f"{name}: {_line(error)}"
+
+
+def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -> State | None:
+    """Give the state on another mesh, if it is one that settling gives there as well.
+
+    Links have positions of their own, to within the depth of the contact; a state that is moved to
+    other links would begin with a shock.
+    """
+    still = not any(getattr(initial, name).any() for name in _SPEEDS)
+    speeds = {0: float(initial.omega[0])}
+    ways: tuple[Callable[[Params], State], ...] = (
+        lambda drive: settle(drive, speed=speeds),
+        lambda drive: settle(drive).at_speed(drive, speeds),
+    )
+    for way in (settle,) if still else ways:
+        if _same(initial, way(params), params.info["link_length"]):
+            return attrs.evolve(way(other), t=initial.t, theta=initial.theta)
+    return None
+
+
+def _same(one: State, other: State, scale: float) -> bool:
+    """Tell whether links stand and move alike, positions to 1e-9 of a scale [m]."""
+    places = ["x", "y", "phi", "m", "a", "mu", "slip"]
+    if one.mu.shape != other.mu.shape:  # states of laws with other numbers of them
+        if one.mu.any() or other.mu.any():
+            return False
+        places.remove("mu")
+    return all(
+        np.allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-9 * scale)
+        for name in places
+    ) and all(np.allclose(getattr(one, name), getattr(other, name)) for name in _SPEEDS)
+
+
+def _apart_from(result: Result) -> float | None:
+    """Give when histories begin to part exponentially [s], None if they were not seen to."""
+    times = [one.t for one in result.warnings if one.code == "growth" and one.t is not None]
+    return min(times, default=None)
+
+
+def _until(result: Result, observed: Observed, in_time: _Check | str, limit: float) -> float | None:
+    """Give the time from which on histories part, seen by either run or in their difference."""
+    times = [_apart_from(result)]
+    if isinstance(in_time, _Check):
+        times += [in_time.apart_from, _parting(observed, in_time.observed, limit)]
+    return min((t for t in times if t is not None), default=None)
+
+
+def _parting(a: Observed, b: Observed, limit: float) -> float | None:
+    """Give the last time at which tensions differ by a tenth of a limit that they differ by later.
+
+    The limit is relative to the mean tension, and far beyond what the tolerance explains.
+    """
+    apart = np.sqrt(np.mean((a.tension - b.tension) ** 2, axis=1))
+    beyond = np.flatnonzero(apart > limit * b.scales["tension"])
+    if beyond.size == 0:
+        return None
+    close = np.flatnonzero(apart[: beyond[0]] <= 0.1 * limit * b.scales["tension"])
+    return float(b.t[close[-1] if close.size else 0])
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _line(error: BaseException) -> str:
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text[:200]}"

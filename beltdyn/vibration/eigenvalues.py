@@ -1,0 +1,155 @@
+"""Eigenvalues of the linearised drive, all within a band of frequencies.
+
+Friction that sticks makes an eigenvalue of 0 for each link in contact, contact and damping fast
+real ones in clusters. Searched are discs round i w of the radius 0.98 w, in which there are
+neither: all modes of small damping between 0.02 w and 1.98 w, of a quarter of critical damping up
+to 1.9 w.
+
+In a disc by block Arnoldi for (J - i w)^-1 with a sparse LU, without restarts: an eigenvalue that
+many vectors share is one point to a Krylov space, where ARPACK, which restarts, would have to find
+every one of them before what it is asked for. Three random vectors at once find pairs of equal
+spans; multiplied by J they have nothing of the zeros. A disc is done when every Ritz value in it
+has converged and half as many vectors again bring no other. That is no proof that none is missing:
+tests compare with all eigenvalues of the dense matrix, and count.py counts them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.checks import Array
+from ..drive.params import Params
+from .linearised import Complex, Linear, scipy_sparse
+
+__all__ = ["Found", "first_rate", "residuals", "search"]
+
+#: Of a disc, against the distance of its centre from 0; and of the disc for real eigenvalues.
+RADIUS, DECAYS = 0.98, 0.95
+#: Vectors at once; blocks at first; and most vectors of a space.
+BLOCK, BLOCKS, MOST = 3, 20, 600
+#: Error of a Ritz value against its distance from the shift, which counts as converged.
+CONVERGED = 1e-10
+#: The lower disc against the first; the next against the last.
+LOWER, NEXT = 0.05, 1.6
+#: Eigenvalues of two discs that are one, against the rate.
+SAME = 1e-6
+
+#: Eigenvalues (n,), their vectors (size, n).
+Found = tuple[Complex, Complex]
+
+
+def first_rate(params: Params) -> float:
+    """Estimate the lowest rate of the spans as strings [rad/s]."""
+    wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
+    return float(np.pi * wave / np.max(params.route.spans))
+
+
+class _Krylov:
+    """A Krylov space of (J - s)^-1, in unknowns scaled for an angular frequency."""
+
+    def __init__(self, linear: Linear, shift: complex) -> None:
+        sparse, linalg = scipy_sparse()
+        self.shift = shift
+        self.size, self.matrix = linear.scaled(abs(shift))
+        n = linear.size
+        self._lu = linalg.splu((self.matrix - shift * sparse.identity(n, format="csc")).tocsc())
+        rng = np.random.default_rng(1)
+        start = self.matrix @ self._lu.solve(rng.standard_normal((n, BLOCK)).astype(complex))
+        self._blocks = [np.linalg.qr(start)[0]]
+        self._h = np.zeros((MOST + BLOCK, MOST), complex)
+
+    def grow(self, blocks: int) -> None:
+        """Add blocks, each orthogonal to all before (Gram and Schmidt, twice)."""
+        for _ in range(blocks):
+            m = len(self._blocks) * BLOCK
+            basis = np.hstack(self._blocks)
+            new = self._lu.solve(self._blocks[-1])
+            for _ in range(2):
+                share = basis.conj().T @ new
+                new -= basis @ share
+                self._h[:m, m - BLOCK : m] += share
+            q, r = np.linalg.qr(new)
+            self._h[m : m + BLOCK, m - BLOCK : m] = r
+            self._blocks.append(q)
+
+    def ritz(self, radius: float) -> tuple[Found, bool]:
+        """Eigenvalues within a radius of the shift, and whether all have converged."""
+        m = (len(self._blocks) - 1) * BLOCK
+        theta, y = np.linalg.eig(self._h[:m, :m])
+        near = np.flatnonzero(abs(theta) * radius > 1.0)
+        theta, y = theta[near], y[:, near]
+        off = np.linalg.norm(self._h[m : m + BLOCK, m - BLOCK : m] @ y[-BLOCK:], axis=0)
+        good = off < CONVERGED * abs(theta)
+        vectors = np.hstack(self._blocks[:-1]) @ y[:, good]
+        return (self.shift + 1.0 / theta[good], self.size[:, None] * vectors), bool(good.all())
+
+
+def _disc(linear: Linear, shift: complex, radius: float) -> tuple[Found, bool]:
+    """Give the eigenvalues in the disc round a shift that have converged; whether that is all."""
+    most = min(MOST, linear.size) // BLOCK - 1
+    space, blocks = _Krylov(linear, shift), min(BLOCKS, most)
+    space.grow(blocks)
+    found, done = space.ritz(radius)
+    while blocks < most:
+        more = min(blocks // 2, most - blocks)
+        space.grow(more)
+        blocks += more
+        before, (found, converged) = (len(found[0]), done), space.ritz(radius)
+        done = converged
+        if before == (len(found[0]), True) and done:
+            break
+    return found, done
+
+
+def search(
+    linear: Linear, n: int, damping: float
+) -> tuple[Found, Found, tuple[float, float], bool]:
+    """Find the lowest n modes that oscillate, those that do not, and the band searched [rad/s].
+
+    Last whether all discs were done. Of those that oscillate all are given below the n-th that has
+    less than a damping ratio.
+    """
+    centre = first_rate(linear.params)
+    fastest = min(float(linear.params.info["spectral_bound"]), linear.trusted)
+    lowest = LOWER * centre * (1.0 - RADIUS)
+    found, all_done = _disc(linear, 1j * LOWER * centre, RADIUS * LOWER * centre)
+    still, _ = _disc(linear, complex(-0.5 * centre), DECAYS * 0.5 * centre)
+    while True:
+        more, done = _disc(linear, 1j * centre, RADIUS * centre)
+        all_done &= done
+        found = _joined(found, more, SAME * centre)
+        highest = (1.0 + RADIUS) * centre
+        swings = np.flatnonzero(-found[0].real < damping * abs(found[0]))
+        if swings.size >= n or centre > fastest:
+            break
+        centre *= NEXT
+    rates = np.sort(abs(found[0][swings]))
+    last = rates[min(n, rates.size) - 1] if rates.size else highest
+    order = np.argsort(abs(found[0]))
+    order = order[abs(found[0][order]) <= last]
+    real = np.flatnonzero(abs(still[0].imag) <= SAME * abs(still[0]))
+    real = real[np.argsort(abs(still[0][real]))]
+    return (
+        (found[0][order], found[1][:, order]),
+        (still[0][real], still[1][:, real]),
+        (lowest, highest),
+        all_done,
+    )
+
+
+def _joined(one: Found, other: Found, same: float) -> Found:
+    """Both, those that are in both once."""
+    new = [k for k, value in enumerate(other[0]) if not (abs(one[0] - value) < same).any()]
+    return np.append(one[0], other[0][new]), np.hstack([one[1], other[1][:, new]])
+
+
+def residuals(linear: Linear, found: Found) -> Array:
+    """|J x - lambda x| / |lambda x|, unknowns scaled as in vibrations of that frequency."""
+    values, vectors = found
+    out = np.empty(len(values))
+    for k, value in enumerate(values):
+        size = linear.norms(abs(value))
+        x = vectors[:, k]
+        rest = (linear.matrix @ x - value * x) / size
+        out[k] = np.linalg.norm(rest) / (abs(value) * np.linalg.norm(x / size))
+    return out

@@ -1,0 +1,294 @@
+"""The drive linearised at a state: its Jacobian as a sparse matrix.
+
+The core hands it out (:meth:`beltdyn._core.Model.jacobian`), as its implicit methods have it. One
+matrix gives shifts anywhere in the complex plane by a sparse LU, torques that depend on speeds,
+prescribed motions, and the running belt.
+
+Left out are the slip displacements and the angles of rims, on which nothing depends (a coupling
+knows its windup), and friction states of links that
+touch no pulley.
+
+A running belt carries its links along: J is taken as they stand at one moment, in coordinates that
+move with the links. In places fixed in space, which a steady belt passes with a links per second, a
+small motion eta of the link at a place changes as d eta/dt = J eta - a D eta, D the derivative by
+the number of the link (fourth order, of friction states second order against the belt's run, for
+these begin anew where a link arrives). Pulleys and mounts stay in their places, as do the cells of
+an ALE belt, of which a is 0 and J is all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import attrs
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import _core
+from ..base.checks import Array
+from ..base.optional import scipy_module
+from ..drive import cells
+from ..drive.params import Params
+from ..outputs.state import State
+
+__all__ = [
+    "LINK_FIELDS",
+    "Complex",
+    "Linear",
+    "linearise",
+    "passing_of",
+    "scipy_sparse",
+    "speed_of",
+]
+
+Complex = NDArray[np.complex128]
+
+#: Slower than this share of the rate at which the slowest wave passes links, the belt is at rest.
+CRAWL = 1e-6
+_SPEEDS = ["vx", "vy", "vphi", "v", "p", "omega", "travel_speed", "rim_speed"]
+#: Of which each link, or each state of friction of a link, has one.
+LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
+_SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
+
+
+def scipy_sparse() -> tuple[Any, Any]:
+    """Give scipy.sparse and scipy.sparse.linalg.
+
+    Raises:
+        ImportError: SciPy is not installed; the message says what to install.
+    """
+    user = "modes and frequency responses"
+    return scipy_module("sparse", user), scipy_module("sparse.linalg", user)
+
+
+@attrs.frozen(kw_only=True, eq=False)
+class Linear:
+    """A drive for small motions about a state: d eta/dt = J eta.
+
+    Attributes:
+        params: The drive.
+        state: The state about which it is linearised, as the core takes it.
+        matrix: J, sparse (n, n), of the unknowns that are kept, in their units.
+        names: Field of each unknown (n,), of :class:`beltdyn.State`.
+        index: Its place in that field (n,).
+        unit: Size of each unknown that goes with a motion of the belt by 1 m; of velocities the
+            same a second.
+        passing: Links that pass a place per second, a; 0 at rest, and of cells [1/s].
+        speed: Of the belt along its numbering [m/s], 0 at rest.
+        trusted: Angular frequency from which on the mesh lacks modes across spans [rad/s].
+        prescribed: Pulleys whose motion is prescribed, and paths of mounts are.
+        given: Columns of J of prescribed speeds, for what drives the rest: sparse (n, n_p), of
+            theta and of omega.
+        phase: Phase of the mesh of each unknown (n,), see :mod:`.mesh_phases`; None: there is one.
+        parts: The drive linearised at each phase; empty: there is one.
+        torque_slopes: Derivatives of the set torques, as :func:`linearise` takes them; None: they
+            are constant.
+    """
+
+    params: Params
+    state: Mapping[str, Any]
+    matrix: Any
+    names: NDArray[np.str_]
+    index: NDArray[np.intp]
+    unit: Array
+    passing: float
+    speed: float
+    trusted: float
+    prescribed: tuple[int, ...]
+    given: tuple[Any, Any]
+    phase: NDArray[np.intp] | None = None
+    parts: tuple[Linear, ...] = ()
+    torque_slopes: tuple[Array, Array] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns, n."""
+        return int(self.names.size)
+
+    def rows(self, name: str) -> NDArray[np.intp]:
+        """Give where a field's unknowns stand."""
+        return np.flatnonzero(self.names == name)
+
+    def field(self, vector: Complex, name: str) -> Complex:
+        """Take a field out of vectors (n, ...): all its values, 0 where they are no unknowns.
+
+        Of several phases the mean.
+        """
+        rows = self.rows(name)
+        out = np.zeros((np.size(self.state[name]), *vector.shape[1:]), dtype=vector.dtype)
+        np.add.at(out, self.index[rows], vector[rows])
+        return np.asarray(out / max(len(self.parts), 1), dtype=vector.dtype)
+
+    def at_phase(self, vector: Complex, k: int) -> Complex:
+        """Take out of vectors (n, ...) what belongs to the unknowns of ``parts[k]``."""
+        return vector if self.phase is None else vector[self.phase == k]
+
+    def norms(self, rate: float) -> Array:
+        """Sizes of the unknowns in vibrations of this angular frequency [1/s]."""
+        fast = np.isin(self.names, _SPEEDS)
+        return np.where(fast, rate, 1.0) * self.unit
+
+    def scaled(self, rate: float) -> tuple[Array, Any]:
+        """Give these sizes (n,) and the matrix (n, n) in them as units."""
+        sparse, _ = scipy_sparse()
+        size = self.norms(rate)
+        return size, (sparse.diags(1.0 / size) @ self.matrix @ sparse.diags(size)).tocsc()
+
+    def displaced(self, eta: Array) -> dict[str, Any]:
+        """Give the state moved by a small eta (n,), as the core takes it; friction as it was.
+
+        On a friction that is nearly full a small step would be beyond what the core takes.
+        """
+        out = {name: np.array(value, dtype=float) for name, value in self.state.items()}
+        for name in set(self.names.tolist()) - {"mu", "mount_friction"}:
+            rows = self.rows(name)
+            out[name][self.index[rows]] += eta[rows]
+        return out | {"t": self.state["t"]}
+
+
+def linearise(
+    params: Params,
+    state: State,
+    torque_slopes: tuple[Array, Array] | None = None,
+    prescribed: tuple[int, ...] = (),
+    *,
+    places: bool = True,
+) -> Linear:
+    """Linearise a drive.
+
+    Args:
+        params: The drive.
+        state: Where; at rest or running.
+        torque_slopes: Derivatives of the set torques by angles and by speeds, (n_p, n_p) each, row
+            the pulley on which the torque acts [N m, N m s].
+        prescribed: Pulleys whose motion is prescribed.
+        places: Whether a running belt is seen in places fixed in space, else with its links.
+    """
+    sparse, _ = scipy_sparse()
+    core = state._to_core(params)
+    jacobian, names, index = _jacobian(params, core, sparse)
+    unit = _units(params, names, jacobian)
+    if torque_slopes is not None:
+        jacobian = jacobian + _of_torques(params, names, torque_slopes, sparse)
+    passing = passing_of(params, core) if places else 0.0
+    speed = speed_of(params, core) if places else 0.0
+    # a state of friction that no slip changes belongs to a link that touches nothing
+    sums = np.asarray(abs(jacobian).sum(axis=1)).ravel()
+    keep = ~((names == "mu") & (sums == 0.0))
+    if passing != 0.0:
+        jacobian = jacobian - passing * _derivative(params, names, index, keep, passing, sparse)
+    jacobian = jacobian.tocsc()
+    fixed = np.isin(names, ["theta", "omega"]) & np.isin(index, prescribed)
+    of_mounts = np.isin(names, ["travel", "travel_speed", "mount_friction"])
+    fixed |= of_mounts & ~np.isin(index, [m for m, *_ in params._moving])
+    inner = np.flatnonzero(keep & ~fixed)
+    given = tuple(jacobian[:, np.flatnonzero(names == name)][inner] for name in ("theta", "omega"))
+    return Linear(
+        params=params,
+        state=core,
+        matrix=jacobian[:, inner][inner].tocsc(),
+        names=names[inner],
+        index=index[inner],
+        unit=unit[inner],
+        passing=passing,
+        speed=speed,
+        trusted=cells.trusted(params, speed) if params._belt_facts["flows"] else np.inf,
+        prescribed=prescribed,
+        given=(given[0], given[1]),
+        torque_slopes=torque_slopes,
+    )
+
+
+def _jacobian(
+    params: Params, core: Mapping[str, Any], sparse: Any
+) -> tuple[Any, Any, NDArray[np.intp]]:
+    """J of the unknowns but for what is left out, the field of each and its place in it."""
+    sizes = {name: np.size(core[name]) for name in _SIZES}
+    names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
+    index = np.concatenate([np.arange(size) for size in sizes.values()])
+    rows, columns, values = params._model.jacobian(core)
+    whole = sparse.csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))
+    own = params._belt_facts["fields"]
+    used = [name for name, size in _SIZES.items() if size != "LINKS" or name in own]
+    kept = np.flatnonzero(np.isin(names, used) & ~np.isin(names, ["slip", "rim_angle"]))
+    return whole[:, kept][kept], names[kept], index[kept]
+
+
+def _units(params: Params, names: Any, jacobian: Any) -> Array:
+    """Sizes of the unknowns at a motion of the belt by 1 m, and of velocities by 1 m/s."""
+    info, unit = params.info, np.ones(len(names))
+    radii = np.array([pulley.radius for pulley in params.pulleys])
+    unit[np.isin(names, ["phi", "vphi"])] = 2.0 / float(info["link_length"])
+    for name in ("theta", "omega"):
+        unit[names == name] = 1.0 / radii
+    at, levers = params.centers(), np.ones(len(params.mounted))
+    for m, k, mount in params._moving:
+        levers[m] = np.hypot(*mount._direction(at[k]))
+    for name in ("travel", "travel_speed"):
+        unit[names == name] = 1.0 / levers
+    for name in ("rim_speed", "windup"):
+        unit[names == name] = 1.0 / radii[list(params.coupled)]
+    # states of friction: what a slip of 1 m makes of them as it begins
+    rates = np.flatnonzero(np.isin(names, _SPEEDS))
+    by_slip = abs(jacobian[:, rates]).multiply(unit[rates])
+    largest = np.asarray(by_slip.max(axis=1).todense()).ravel()
+    for name in ("mu", "mount_friction"):
+        rows = names == name
+        seen = largest[rows]
+        top = seen.max(initial=0.0)
+        unit[rows] = np.where(seen > 1e-3 * top, seen, top) if top > 0.0 else 1.0
+    return unit
+
+
+def _of_torques(params: Params, names: Any, slopes: tuple[Array, Array], sparse: Any) -> Any:
+    inertia = params.shaft_inertias
+    out = sparse.lil_matrix((len(names), len(names)))
+    rows = np.flatnonzero(names == "omega")
+    for name, slope in zip(("theta", "omega"), slopes, strict=True):
+        out[np.ix_(rows, np.flatnonzero(names == name))] = slope / inertia[:, None]
+    return out.tocsc()
+
+
+def speed_of(params: Params, core: Mapping[str, Any]) -> float:
+    """Speed of the belt in the sense of its numbering [m/s], 0 if it crawls."""
+    if not params._belt_facts["flows"]:
+        return passing_of(params, core) * float(params.info["link_length"])
+    speed = float(np.mean(core["v"]))
+    wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
+    return speed if abs(speed) > CRAWL * wave else 0.0
+
+
+def passing_of(params: Params, core: Mapping[str, Any]) -> float:
+    """Links that pass a place per second, in the sense of their numbering; no cells do."""
+    if params._belt_facts["flows"]:
+        return 0.0
+    dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
+    along = (core["vx"] * dx + core["vy"] * dy) / (dx * dx + dy * dy) * 2.0
+    passing = float(np.mean(along))
+    wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
+    slow = CRAWL * wave / float(params.info["link_length"])
+    return passing if abs(passing) > slow else 0.0
+
+
+def _derivative(
+    params: Params, names: Any, index: Any, keep: Any, passing: float, sparse: Any
+) -> Any:
+    """D of the text at the head."""
+    n = params.n_bodies
+    central = {-2: 1.0 / 12.0, -1: -2.0 / 3.0, 1: 2.0 / 3.0, 2: -1.0 / 12.0}
+    behind = {0: 1.5, -1: -2.0, -2: 0.5}
+    against = behind if passing > 0.0 else {-k: -v for k, v in behind.items()}
+    keys = list(zip(names.tolist(), index.tolist(), strict=True))
+    where = {key: row for row, key in enumerate(keys)}
+    rows, columns, values = [], [], []
+    for row, (name, i) in enumerate(keys):
+        if name not in LINK_FIELDS or not keep[row]:
+            continue
+        for offset, value in (against if name == "mu" else central).items():
+            column = where[name, i // n * n + (i % n + offset) % n]
+            if keep[column]:
+                rows.append(row)
+                columns.append(column)
+                values.append(value)
+    return sparse.csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))
