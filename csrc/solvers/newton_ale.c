@@ -22,7 +22,7 @@ struct bd_ale_system {
   int shears;      /* of both ends of spans; 0 without bending */
   double *over;    /* the ring's solutions of their columns; factors of 1 - rows over, shears */
   double *by_over, *factors;
-  int *pivots;
+  int *pivots, solved; /* if these columns and those of bodies are */
 };
 
 /* --- layout ----------------------------------------------------------------------------------- */
@@ -69,17 +69,16 @@ static void carve(bd_carver *carver, bd_newton_system *system, const bd_model *m
   BD_CARVE(carver, to->inertia, lay->nm * lay->nm);
   system->width = BD_HALO + (unknowns + BD_LANES - 1) / BD_LANES * BD_LANES;
   const int shears = 2 * lay->np;
-  BD_CARVE(carver, to->over, shears * system->width);
   BD_CARVE(carver, to->by_over, shears * shears);
   BD_CARVE(carver, to->factors, shears);
   BD_CARVE(carver, to->pivots, shears);
   BD_CARVE(carver, system->x, system->width);
-  BD_CARVE(carver, system->border, bd_count_bodies(lay) * system->width);
+  BD_CARVE(carver, system->border, (bd_count_bodies(lay) + shears) * system->width);
   if (carver->base) {
     system->x += BD_HALO;
     system->ale = own;
     own->kernels = model->kernels->ale;
-    own->over += BD_HALO;
+    own->over = bd_newton_border(system, bd_count_bodies(lay));
     own->shears = model->belt.bending_stiffness > 0.0 ? shears : 0;
     place_unknowns(own, model);
   }
@@ -161,24 +160,33 @@ static double shear_of(const struct bd_ale_system *own, int s, const double *x) 
 static void factor(bd_newton_system *system) {
   struct bd_ale_system *own = system->ale;
   const bd_ale_newton *newton = &own->newton;
-  const int n = own->shears, unknowns = newton->ring.unknowns;
+  const int unknowns = newton->ring.unknowns;
   own->kernels->factor(&newton->ring);
-  if (n == 0) {
-    return;
-  }
-  for (int s = 0; s < n; ++s) {
+  for (int s = 0; s < own->shears; ++s) {
     for (int u = 0; u < unknowns; ++u) {
       own->over[s * system->width + u] = system->g * newton->shear_column[s * unknowns + u];
     }
   }
-  own->kernels->solve_all(&newton->ring, n, system->width, own->over);
-  for (int r = 0; r < n; ++r) {
-    for (int s = 0; s < n; ++s) {
-      own->by_over[r * n + s] =
+  own->solved = 0;
+}
+
+/* Of the ring alone: columns of shears with those of bodies, which stand before them. */
+static void solve_columns(const bd_newton_system *system, int n, double *v) {
+  struct bd_ale_system *own = system->ale;
+  const bd_ale_ring *ring = &own->newton.ring;
+  const int shears = own->shears, beside = v + n * system->width == own->over;
+  own->kernels->solve_all(ring, beside ? n + shears : n, system->width, v);
+  if (!beside) {
+    own->kernels->solve_all(ring, shears, system->width, own->over);
+  }
+  for (int r = 0; r < shears; ++r) {
+    for (int s = 0; s < shears; ++s) {
+      own->by_over[r * shears + s] =
           (r == s ? 1.0 : 0.0) - shear_of(own, r, own->over + s * system->width);
     }
   }
-  bd_dense_factor(n, own->by_over, own->pivots);
+  bd_dense_factor(shears, own->by_over, own->pivots);
+  own->solved = 1;
 }
 
 /* Solutions of the ring alone, with the shears that follow. */
@@ -193,14 +201,14 @@ static void add_shears(const bd_newton_system *system, double *x) {
 }
 
 static void solve(const bd_newton_system *system, const bd_layout *lay, int n, double *v) {
-  const bd_ale_kernels *kernels = system->ale->kernels;
+  const struct bd_ale_system *own = system->ale;
   (void)lay;
-  if (n == 1) {
-    kernels->solve(&system->ale->newton.ring, v);
+  if (own->solved) {
+    own->kernels->solve(&own->newton.ring, v);
   } else {
-    kernels->solve_all(&system->ale->newton.ring, n, system->width, v);
+    solve_columns(system, n, v);
   }
-  for (int k = 0; k < n && system->ale->shears > 0; ++k) {
+  for (int k = 0; k < n && own->shears > 0; ++k) {
     add_shears(system, v + k * system->width);
   }
 }
