@@ -243,7 +243,7 @@ class Simulation:
     def warnings(self) -> list[dict[str, Any]]: ...  # fields of beltdyn.RunWarning
     def state(self) -> dict[str, Any]: ...
     def export_record(self) -> bytes:
-        """Give all that the run needs to continue bit for bit, in another process too."""
+        """Return all that the run needs to continue bit for bit, in another process too."""
     def import_record(self, record: bytes | bytearray | memoryview, /) -> None:
         """Continue from a record, in a new simulation of the same model, motion and so on, whose
         sample times are set; those up to the record's time are left out.

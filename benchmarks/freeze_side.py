@@ -461,7 +461,7 @@ def warned_of_cells() -> dict[str, Callable[[], bd.Params | bd.Result]]:
 
 
 def warn_of(name: str, make: Callable[[], bd.Params | bd.Result]) -> set[str]:
-    """Tell what is warned of, and give the codes."""
+    """Return what is warned of, and give the codes."""
     made = make()
     if isinstance(made, bd.Params):
         notes = re.findall(r"^  note  ((\w+): .*)", str(made), re.MULTILINE)

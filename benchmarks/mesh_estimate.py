@@ -116,7 +116,7 @@ def draw(rng: np.random.Generator) -> tuple[bd.Scene, str]:
 
 
 def compared(scene: bd.Scene) -> tuple[dict[str, float], dict[str, float]]:
-    """Give the error of a mesh by quantity, and what its result says of it."""
+    """Return the error of a mesh by quantity, and what its result says of it."""
     coarse, fine = (
         bd.simulate(
             *scene._replace(params=with_links(scene.params, n)),
@@ -150,17 +150,17 @@ def runs(seed: int, drives: int) -> tuple[list[Run], int]:
 
 
 def _over(found: list[Run], name: str) -> np.ndarray:
-    """Give the true errors of a quantity over the estimates."""
+    """Return the true errors of a quantity over the estimates."""
     return np.array([one.error[name] / one.estimate[name] for one in found])
 
 
 def _worst(found: list[Run]) -> np.ndarray:
-    """Give the largest of these of each drive."""
+    """Return the largest of these of each drive."""
     return np.nanmax([_over(found, name) for name in QUANTITIES], axis=0)
 
 
 def lines_of(found: list[Run]) -> list[str]:
-    """Give a table of the true errors over the estimates, and the drives that are far off."""
+    """Return a table of the true errors over the estimates, and the drives that are far off."""
     above, below = ([f"{way}{one:.0f}" for one in FACTORS] for way in ("above ", "below 1/"))
     heads = "".join(f"{one:>12s}" for one in above + below)
     lines = [f"true over estimate   median    0.1    0.9{heads}"]

@@ -168,7 +168,7 @@ def references(
     tight: float = REFERENCE_RTOL,
     motion: Any = None,
 ) -> Iterator[Reference]:
-    """Give references one after the other, those unrelated to the method used first.
+    """Yield references one after the other, those unrelated to the method used first.
 
     ``tight`` is their tolerance; a larger one makes them cheaper where little is claimed.
     Their steps are at most a twentieth of the shortest period of a torque, of which the run has ten

@@ -32,7 +32,7 @@ def make_simulation(model, rest, torque=TORQUE, t_end=0.02, **options):
 
 
 def drive(t, theta, omega):
-    """Give the torques of TORQUE; to the last bit it is not, being summed otherwise."""
+    """Return the torques of TORQUE; to the last bit it is not, being summed otherwise."""
     return [-50.0 * t / 0.02, -16.0 * omega[1]]
 
 

@@ -29,20 +29,20 @@ def axes_of(size: tuple[float, float, float]) -> Iterator[Axes]:
 
 
 def ticks(axis: Axis) -> list[Text]:
-    """Give the numbers along an axis that are drawn: not those outside its limits."""
+    """Return the numbers along an axis that are drawn: not those outside its limits."""
     low, high = sorted(axis.get_view_interval())
     return [tick.label1 for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
 
 
 def texts(ax: Axes) -> list[Text]:
-    """Give the texts of axes that are drawn, but for the legend's."""
+    """Return the texts of axes that are drawn, but for the legend's."""
     found = [*ax.texts, *ticks(ax.xaxis), *ticks(ax.yaxis), ax.title]
     found += [ax.xaxis.label, ax.yaxis.label]
     return [text for text in found if text.get_visible() and text.get_text()]
 
 
 def labels(ax: Axes) -> list[str]:
-    """Give the entries of the legend."""
+    """Return the entries of the legend."""
     legend = ax.get_legend()
     return [] if legend is None else [text.get_text() for text in legend.get_texts()]
 

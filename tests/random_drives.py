@@ -37,7 +37,7 @@ KINDS = ("any", "calm", "varied")
 def draw(
     seed: int, kind: str = "any", radians: float = RADIANS
 ) -> tuple[bd.Params, bd.TorqueLike, float, dict[str, Any]]:
-    """Give a drive, its torques, the end of its run, and what was drawn.
+    """Return a drive, its torques, the end of its run, and what was drawn.
 
     The run begins with :func:`start`. ``kind``: "any"; "calm": a fine mesh, moderate damping,
     stiffnesses and speeds, no full slip; "varied": as any, but see :func:`_varied`. Fewer

@@ -89,7 +89,7 @@ class Curves:
         return bd.State(**arrays, t=float(self.edges[leg]))
 
     def legs(self) -> Iterator[tuple[int, slice]]:
-        """Give each leg with its samples, those after its start; the first has them all."""
+        """Yield each leg with its samples, those after its start; the first has them all."""
         ends = np.searchsorted(self.t, self.edges, side="right")
         ends[0] = 0
         for leg in range(len(self.edges) - 1):
@@ -221,7 +221,7 @@ def pick(result: bd.Result, links: NDArray[np.int64]) -> Array:
 def run_oracle(
     scene: bd.Scene, start: bd.State, times: Array, links: NDArray[np.int64], tol: float = TOL
 ) -> Array:
-    """Give the same columns by SciPy's DOP853 on the oracle."""
+    """Return the same columns by SciPy's DOP853 on the oracle."""
     model, torque = oracle_of(scene.params), scene.torque_fn
     assert isinstance(torque, bd.Torque)
     case = stored_runs.Case(

@@ -24,7 +24,7 @@ TEXTS = {
 
 
 def of_samples(samples: bd.Samples, values: NDArray[Any], **more: Any) -> xr.Dataset:
-    """Give a sampled sweep with the quantity "y" (n,) [N], or (n, n_p) by pulley."""
+    """Return a sampled sweep with the quantity "y" (n,) [N], or (n, n_p) by pulley."""
     dims = ("run", "pulley")[: values.ndim]
     coords: dict[str, Any] = {
         name: ("run", column, attributes(name))
@@ -39,7 +39,7 @@ def of_samples(samples: bd.Samples, values: NDArray[Any], **more: Any) -> xr.Dat
 
 
 def of_grid(over: Mapping[str, Any], value: Callable[..., Any]) -> xr.Dataset:
-    """Give a sweep over a grid with the quantity "q" of a function of the swept values."""
+    """Return a sweep over a grid with the quantity "q" of a function of the swept values."""
     axes = [np.asarray(values) for values in over.values()]
     values = np.array([value(*point) for point in product(*axes)], dtype=float)
     shape = tuple(axis.size for axis in axes)

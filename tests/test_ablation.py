@@ -25,7 +25,7 @@ ENOUGH = 500.0
 
 
 def rich(speed: float = -60.0) -> bd.Scene:
-    """Give a drive of which nearly everything can be left out. Few links land below 50 rad/s."""
+    """Return a drive of which nearly everything can be left out. Few links land below 50 rad/s."""
     plain = drives.plain()
     changes = {"length": None, "n_bodies": 30, "bending_stiffness": 0.02, "bending_damping": 1e-6}
     arm = bd.Arm(

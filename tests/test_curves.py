@@ -35,7 +35,7 @@ def remake(case: str) -> str:
 
 
 def load(case: str) -> tuple[bd.Scene, rc.Curves]:
-    """Give the scene and its curves; fails if they are not of this scene."""
+    """Return the scene and its curves; fails if they are not of this scene."""
     scene, path = rc.CASES[case](), rc.path_of(case)
     if not path.exists():
         pytest.fail(f"tests/curves/{path.name} is missing; {remake(case)}")

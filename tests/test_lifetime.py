@@ -259,7 +259,7 @@ def heap():
 
 
 def leaks(action):
-    """Tell whether Python, NumPy or C hold more after each call, even a small object.
+    """Return whether Python, NumPy or C hold more after each call, even a small object.
 
     Free lists and caches grow up to a bound, a leak does without: one quiet round acquits.
     """

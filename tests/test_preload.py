@@ -36,7 +36,7 @@ def on(params: bd.Params, **belt: Any) -> bd.Params:
 
 
 def by_oracle(params: bd.Params) -> float:
-    """Give the mean joint force of the settled belt by the formulas of the NumPy model."""
+    """Return the mean joint force of the settled belt by the formulas of the NumPy model."""
     oracle = oracle_of(params)
     return float(np.mean(oracle.joints(oracle.pack(fields(bd.settle(params))))[1]))
 

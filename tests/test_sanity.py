@@ -160,7 +160,7 @@ MACHINES = {
 
 
 def at_scale(params: bd.Params, scale: float = 1.0, **belt: float) -> bd.Params:
-    """Give the drive with all lengths multiplied, and other data of the belt multiplied."""
+    """Return the drive with all lengths multiplied, and other data of the belt multiplied."""
     factors = {"length": scale} | belt
     changed = {name: getattr(params.belt, name) * factor for name, factor in factors.items()}
     pulleys = [

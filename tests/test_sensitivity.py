@@ -215,7 +215,7 @@ SINGLE = [method for method in METHODS if method != "saltelli"]
 
 
 def shares(samples: bd.Samples) -> np.ndarray:
-    """Give the values back as shares of their distributions (n, 2)."""
+    """Return the values back as shares of their distributions (n, 2)."""
     first, second = samples.values.T
     return np.stack([(first - 300.0) / 200.0, stats.norm.cdf(second, 0.8, 0.1)], axis=1)
 

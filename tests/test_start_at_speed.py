@@ -50,14 +50,14 @@ def drive(layout: str, n_bodies: int, contact: bd.Contact | None = None, **belt:
 
 
 def speed_of(params: bd.Params, state: bd.State) -> float:
-    """Give the speed of the belt in its spans, where links do not turn."""
+    """Return the speed of the belt in its spans, where links do not turn."""
     turn = np.abs(state.vphi) * params.info["link_length"]
     speed = np.hypot(state.vx, state.vy)
     return float(np.median(speed[turn <= 1e-3 * speed]))
 
 
 def theory(params: bd.Params, v: float) -> float:
-    """Give the tension between fixed axes: EA times the strain of the path, as far as it sinks in.
+    """Return tension between fixed axes: EA times the strain of the path, as far as it sinks in.
 
     Pressed on by (T lambda - rho A v^2) / R, each end of a wrap 5/12 p sqrt(p / R) longer.
     """

@@ -24,7 +24,7 @@ Graph = dict[str, set[str]]
 
 
 def modules() -> dict[str, Path]:
-    """Give the file of each module of the package by its dotted name, of the C core the stub."""
+    """Return the file of each module of the package by its dotted name, of the C core the stub."""
     package = ROOT / "beltdyn"
     return {
         ".".join(file.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): file
@@ -33,7 +33,7 @@ def modules() -> dict[str, Path]:
 
 
 def imported(name: str, file: Path, tree: ast.AST, known: set[str]) -> Iterator[str]:
-    """Give what is imported in a tree, a module of the package or the top package of another.
+    """Yield what is imported in a tree, a module of the package or the top package of another.
 
     Whether in a function, for type checking only, or at the top makes no difference.
     """
@@ -66,7 +66,7 @@ def in_room(name: str, *rooms: str) -> bool:
 
 
 def room(name: str) -> str:
-    """Give the room of a module, or "" of what is in none."""
+    """Return the room of a module, or "" of what is in none."""
     return name.split(".")[1] if name.count(".") and in_room(name, *OF_ROOMS) else ""
 
 
@@ -129,6 +129,19 @@ def test_a_module_that_has_moved_says_where_it_is() -> None:
     with pytest.raises(AttributeError, match=message):
         _ = bd.params  # type: ignore[attr-defined]
     exec("import beltdyn.friction as laws; assert laws.LAWS", {})
+
+
+def test_docstrings_say_what_is_returned() -> None:
+    """In the field's words: "Return", "Describe" or what it does, not "Give", "Tell" or "Say"."""
+    has_docstring = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    odd = [
+        f"{name}: {text.splitlines()[0]}"
+        for name, file in modules().items()
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, has_docstring)
+        if (text := ast.get_docstring(node) or "").startswith(("Give ", "Tell ", "Say "))
+    ]
+    assert not odd
 
 
 def test_every_folder_of_the_package_is_installed() -> None:

@@ -126,7 +126,7 @@ def start(folder: Path, executor: str) -> subprocess.Popen[str]:
 
 
 def children(process: int) -> list[int]:
-    """Give the processes that one has started, and theirs."""
+    """Return the processes that one has started, and theirs."""
     found: list[int] = []
     for child in Path(f"/proc/{process}/task").glob("*/children"):
         for one in map(int, child.read_text().split()):
@@ -176,7 +176,7 @@ def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.Monkey
     both = {"torque.scale": [0.5, 1.0]}
 
     def counts(scene: Any = None, over: Any = both, measure: Any = MEASURE, **more: Any) -> Any:
-        """Give how many runs were found and how many computed."""
+        """Return how many runs were found and how many computed."""
         given: Any = {"t_eval": TIMES, **more}
         swept = do(scene or plain(), over, measure, store=tmp_path, **given)
         assert swept.counts == {"finished": swept.stored + swept.computed}

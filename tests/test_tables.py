@@ -28,7 +28,7 @@ PARTS: dict[str, type] = {
 
 
 def described(cls: type) -> dict[str, str]:
-    """Give what a docstring says of each attribute, by name; "The same." is what stands above."""
+    """Return what a docstring says of each attribute, by name; "The same." is what stands above."""
     lines = (cls.__doc__ or "").partition("Attributes:\n")[2].splitlines()
     found: dict[str, str] = {}
     name = ""

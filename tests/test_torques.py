@@ -25,7 +25,7 @@ C_SIGNATURE = "void (double, double *, double *, double *, void *)"
 
 
 def law(t: float, theta: Any, omega: Any) -> list[float]:
-    """Give the torque that every variant below gives."""
+    """Return the torque that every variant below gives."""
     return [-2e4 * t, -10.0 * omega[1]]
 
 

@@ -67,7 +67,7 @@ def is_default(item: pytest.Item) -> bool:
 
 
 def guards(item: pytest.Item) -> bool:
-    """Say whether a test is done by default; a condition that is a text may hold."""
+    """Describe whether a test is done by default; a condition that is a text may hold."""
     skips = (mark for name in ("skip", "skipif") for mark in item.iter_markers(name))
     return is_default(item) and not any(all(mark.args) for mark in skips)
 
@@ -92,7 +92,7 @@ def files() -> dict[str, Path]:
 
 
 def are_all(items: Iterable[pytest.Item]) -> bool:
-    """Say whether tests, of files that were collected whole, are those of every file."""
+    """Describe whether tests, of files that were collected whole, are those of every file."""
     return {test.partition("::")[0] for test in by_test(items)}.issuperset(files())
 
 

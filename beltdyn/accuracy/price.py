@@ -235,7 +235,7 @@ def _methods(study: Priced) -> list[str]:
 
 
 def _two(rows: Sequence[Row]) -> list[float]:
-    """Give a loose and a tight tolerance, of those that there are."""
+    """Return a loose and a tight tolerance, of those that there are."""
     rtols = sorted({row.setting.rtol for row in rows}, reverse=True)
     chosen = [rtol for rtol in rtols if rtol in (1e-2, 1e-4)]
     return chosen or rtols[:1]

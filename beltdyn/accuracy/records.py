@@ -14,7 +14,7 @@ __all__ = ["Records", "key_of"]
 
 
 def key_of(*contents: Any) -> str:
-    """Give a key that changes with any of the contents, which JSON can hold."""
+    """Return a key that changes with any of the contents, which JSON can hold."""
     text = json.dumps(contents, sort_keys=True, allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
@@ -51,7 +51,7 @@ class Records:
                 raise ValueError(f"store {self._path}: the file holds something else than records")
 
     def get(self, key: str, fields: Collection[str]) -> dict[str, Any] | None:
-        """Give the record of a key; None if there is none, or one that lacks a field."""
+        """Return the record of a key; None if there is none, or one that lacks a field."""
         record = self._known.get(key)
         return record if record is not None and set(record) == set(fields) else None
 

@@ -120,7 +120,7 @@ def study(
 
 
 def quick(scene: Scene) -> tuple[Scene, dict[str, Any]]:
-    """Give a scene and keywords for a :func:`study` that is short: an impression, no more.
+    """Return a scene and keywords for a :func:`study` that is short: an impression, no more.
 
     Half the links of the scene and, unless that takes long, all of them, tolerances from 0.1 to
     0.001, and of a run that takes long the beginning, so that all takes some 15 s of CPU time. One
@@ -329,7 +329,7 @@ class _Job:
 
 
 def _unrelated(method: str, pair: Sequence[tuple[Setting, Observed]]) -> list[Observed]:
-    """Give the references by another method; "auto" may have used either."""
+    """Return the references by another method; "auto" may have used either."""
     return [seen for one, seen in pair if one.method != method][: 2 if method == "auto" else 1]
 
 

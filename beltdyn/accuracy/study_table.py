@@ -58,11 +58,11 @@ class Study:
     n_bodies: int
 
     def done(self) -> Iterator[Row]:
-        """Give the rows of the runs that did not fail."""
+        """Return the rows of the runs that did not fail."""
         return (row for row in self.rows if not row.failure)
 
     def believed(self, row: Row, quantity: str) -> float:
-        """Give the error of a run that can be relied on.
+        """Return the error of a run that can be relied on.
 
         The largest of its errors in all, in space and in time and of the floor: where the first is
         smaller than one of its parts, they cancel each other by chance.
@@ -71,7 +71,7 @@ class Study:
         return max(error[quantity] for error in errors)
 
     def cheapest(self, error: float, quantity: str = "tension") -> Row | None:
-        """Give the run that reaches an error for the least CPU time, None if there is none.
+        """Return the run that reaches an error for the least CPU time, None if there is none.
 
         Args:
             error: The largest error in all [1].
@@ -85,7 +85,7 @@ class Study:
         return min(good, key=lambda row: row.seconds, default=None)
 
     def front(self, quantity: str = "tension", method: str | None = None) -> list[Row]:
-        """Give the runs, of all or one method, that no cheaper one is as accurate as.
+        """Return the runs, of all or one method, that no cheaper one is as accurate as.
 
         From cheap to costly.
         """
@@ -159,7 +159,7 @@ class Study:
         return f"Study({len(self.rows)} runs, {len(self.space)} meshes, finest {self.finest})"
 
     def to_csv(self, path: str | os.PathLike[str] | None = None) -> str:
-        """Give all runs as comma-separated values, also written to ``path``.
+        """Return all runs as comma-separated values, also written to ``path``.
 
         A line for each run: its setting, CPU seconds, repeats, steps, and of each quantity the
         errors in all, in space, in time and the two floors.

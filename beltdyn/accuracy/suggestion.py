@@ -167,7 +167,7 @@ def suggest(
 
 
 def chosen(pilot: Pilot, scene: Scene, asked: float, quantity: str) -> Suggestion:
-    """Give the suggestion that follows from a pilot."""
+    """Return the suggestion that follows from a pilot."""
     pilot.explore(asked)
     found = pilot.cheapest(asked)
     best = found or pilot.best()

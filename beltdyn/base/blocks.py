@@ -185,7 +185,7 @@ class BlockFile:
             raise ValueError("or its beginning is damaged")
 
     def _whole(self, at: int, size: int, digest: bytes) -> tuple[Block, bytes] | None:
-        """Give the block that begins there and its check sum; None if there is no whole one."""
+        """Return the block that begins there and its check sum; None if there is no whole one."""
         begin = at + _HEAD.size
         if begin + _SUM > size:
             return None

@@ -84,7 +84,7 @@ def real_numbers(name: str, value: object, unit: str = "1") -> tuple[float, ...]
 
 
 def close_to(name: str, known: Iterable[str]) -> str:
-    """Give " (did you mean ...?)" for a misspelt name, or nothing."""
+    """Return " (did you mean ...?)" for a misspelt name, or nothing."""
     by_lower = {one.lower(): one for one in known}
     close = difflib.get_close_matches(name.lower(), by_lower, n=1)
     return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""

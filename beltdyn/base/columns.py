@@ -8,7 +8,7 @@ __all__ = ["columns", "widths"]
 
 
 def columns(rows: Sequence[Sequence[str]], sides: str = "<>", indent: str = "  ") -> list[str]:
-    """Give the lines of a table.
+    """Return the lines of a table.
 
     Args:
         rows: Its cells, as many in each row.
@@ -23,5 +23,5 @@ def columns(rows: Sequence[Sequence[str]], sides: str = "<>", indent: str = "  "
 
 
 def widths(rows: Sequence[Sequence[str]]) -> list[int]:
-    """Give the widths of the columns."""
+    """Return the widths of the columns."""
     return [max(map(len, column)) for column in zip(*rows, strict=True)]

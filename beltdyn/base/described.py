@@ -22,7 +22,7 @@ _FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
 
 
 def describe(cls: Any) -> None:
-    """Give the arguments of a class their types, and its fields the texts of its docstring."""
+    """Annotate the arguments of a class with types, and its fields with texts of its docstring."""
     if attrs.has(cls):
         fields = attrs.fields(cls)
         types = {one.alias: one.type for one in fields if one.init and one.type is not None}

@@ -18,7 +18,7 @@ _STEM, _ENDING = 40, 12
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give the path of a temporary file with the same ending, which then replaces ``path``.
+    """Yield the path of a temporary file with the same ending, which then replaces ``path``.
 
     The temporary file is in the same folder, because only there it can replace another in one step:
     there is always either the old file or the new one, also after a power failure. If the body
@@ -86,7 +86,7 @@ def check_writable(path: str | os.PathLike[str]) -> None:
 
 
 def _find(path: str | os.PathLike[str]) -> tuple[Path, os.stat_result | None]:
-    """Give the file that a path leads to and, if it exists, its status."""
+    """Return the file that a path leads to and, if it exists, its status."""
     try:
         before = os.stat(path)
     except FileNotFoundError:
@@ -135,7 +135,7 @@ def _flush_folder(folder: Path) -> None:
 
 
 def _explained(error: OSError, path: str | os.PathLike[str], now: str) -> OSError:
-    """Give the same error for the path of the user, with a note on what is there now."""
+    """Return the same error for the path of the user, with a note on what is there now."""
     what = "; ".join(part for part in (error.strerror or str(error), now) if part)
     if error.errno is None:
         return OSError(what)

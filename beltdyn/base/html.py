@@ -9,7 +9,7 @@ __all__ = ["paragraphs", "table_of"]
 
 
 def table_of(heading: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> str:
-    """Give a table; an empty heading is left out."""
+    """Return a table; an empty heading is left out."""
 
     def row(tag: str, cells: Iterable[str]) -> str:
         return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
@@ -21,5 +21,5 @@ def table_of(heading: Sequence[str], rows: Iterable[Sequence[str]], caption: str
 
 
 def paragraphs(texts: Iterable[str]) -> list[str]:
-    """Give each text as a paragraph."""
+    """Return each text as a paragraph."""
     return [f"<p>{escape(one.strip())}</p>" for one in texts]

@@ -68,7 +68,7 @@ def as_name(value: object) -> str | None:
 
 
 def names_of(names: Iterable[str | None]) -> tuple[str, ...]:
-    """Give the names of a drive's pulleys, "pulley 3" of one that has none.
+    """Return the names of a drive's pulleys, "pulley 3" of one that has none.
 
     Raises:
         ValueError: Two have the same name.
@@ -121,7 +121,7 @@ def as_pulley(field: str, value: object) -> PulleyLike:
 
 
 def by_index(field: str, values: ByPulley[_T], names: Sequence[str]) -> dict[int, _T]:
-    """Give by index what was given by names or indices of pulleys.
+    """Return by index what was given by names or indices of pulleys.
 
     Raises:
         TypeError: A key is neither a name nor an index.
@@ -137,7 +137,7 @@ def by_index(field: str, values: ByPulley[_T], names: Sequence[str]) -> dict[int
 
 
 def label(pulley: int | str, names: Sequence[str]) -> str:
-    """Give what texts call a pulley: pulley "crank", or pulley 3 if it has no name.
+    """Return what texts call a pulley: pulley "crank", or pulley 3 if it has no name.
 
     It may be given by its name; of an index without a name in ``names`` the name is not known.
     """
@@ -147,19 +147,19 @@ def label(pulley: int | str, names: Sequence[str]) -> str:
 
 
 def key(pulley: int, names: Sequence[str]) -> str:
-    """Give what a pulley is called in the path of an argument, omega['crank'] or omega[3]."""
+    """Return what a pulley is called in the path of an argument, omega['crank'] or omega[3]."""
     return repr(names[pulley]) if _is_named(pulley, names) else str(pulley)
 
 
 def labels(one: int, other: int, names: Sequence[str]) -> str:
-    """Give what texts call two pulleys: pulleys 0 and 3, or pulley "crank" and pulley 3."""
+    """Return what texts call two pulleys: pulleys 0 and 3, or pulley "crank" and pulley 3."""
     if _is_named(one, names) or _is_named(other, names):
         return f"{label(one, names)} and {label(other, names)}"
     return f"pulleys {one} and {other}"
 
 
 def span_name(span: int, names: Sequence[str], unnamed: str) -> str:
-    """Give what a span is called: "crank to pulley 3", or ``unnamed`` between such pulleys."""
+    """Return what a span is called: "crank to pulley 3", or ``unnamed`` between such pulleys."""
     after = (span + 1) % len(names)
     if _is_named(span, names) or _is_named(after, names):
         return f"{names[span]} to {names[after]}"

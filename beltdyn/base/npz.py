@@ -37,14 +37,14 @@ def write(path: str | os.PathLike[str], values: Mapping[str, Any]) -> None:
 
 
 def pack(values: Mapping[str, Any]) -> bytes:
-    """Give the bytes of such a file, to be part of another."""
+    """Return the bytes of such a file, to be part of another."""
     file = io.BytesIO()
     np.savez(file, **values)
     return file.getvalue()
 
 
 def unpack(content: bytes, names: Collection[str]) -> dict[str, NDArray[Any]]:
-    """Give the arrays of what :func:`pack` gave.
+    """Return the arrays of what :func:`pack` gave.
 
     Args:
         content: The bytes.

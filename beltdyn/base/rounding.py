@@ -24,7 +24,7 @@ def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, 
 
 
 def percent(share: float) -> str:
-    """Give a share in percent, to two digits or to the whole, none below 0.0001 %."""
+    """Return a share in percent, to two digits or to the whole, none below 0.0001 %."""
     if 0.0 < abs(share) < 1e-6:
         return "<0.0001 %"
     return f"{100.0 * share:.2g} %" if abs(share) < 0.0995 else f"{100.0 * share:.0f} %"

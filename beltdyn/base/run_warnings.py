@@ -142,7 +142,7 @@ def issue(noticed: Iterable[RunWarning], stacklevel: int) -> None:
 
 
 def is_error(one: RunWarning, stacklevel: int) -> bool:
-    """Tell whether a filter turns a warning into an error, issued as by :func:`issue`."""
+    """Return whether a filter turns a warning into an error, issued as by :func:`issue`."""
 
     def fits(pattern: Any, text: str) -> bool:  # those that Python begins with are plain texts
         return pattern is None or bool(
@@ -162,5 +162,5 @@ def _category(one: RunWarning) -> type[BeltdynWarning]:
 
 
 def distinct(of_runs: Iterable[Iterable[RunWarning]]) -> list[RunWarning]:
-    """Give the warnings of several runs, each distinct one once."""
+    """Return the warnings of several runs, each distinct one once."""
     return list({str(one): one for of_run in of_runs for one in of_run}.values())

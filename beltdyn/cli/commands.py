@@ -109,7 +109,7 @@ _mesh_option = click.option(
 
 
 def _find(scene: str, mesh: str | None) -> Scene | HardScene:
-    """Give the scene of a name or a file, its belt on another mesh if one is named."""
+    """Return the scene of a name or a file, its belt on another mesh if one is named."""
     found = scenes.find(scene)
     if mesh is None:
         return found
@@ -283,7 +283,7 @@ def run(
 
 
 def _kept(off: float | None) -> str:
-    """Tell whether a run keeps what its scene must; laws enforce limits, which are then reached."""
+    """Return the line on a deviation over what is allowed; laws enforce limits, which 1 reaches."""
     if off is None:
         return ""
     if not off <= 1.0:
@@ -295,7 +295,7 @@ def _kept(off: float | None) -> str:
 def _of_hard(
     context: click.Context, scene: HardScene, error: float | None, budget: float | None
 ) -> dict[str, Any]:
-    """Give the options of a hard scene that the command line leaves open."""
+    """Return the options of a hard scene that the command line leaves open."""
     if scene.starts and (error is not None or budget is not None):
         stop(
             f"hard/{scene.name} begins in a state of its own mesh: leave --error and --budget out",
@@ -421,7 +421,7 @@ def study_accuracy(
 def explain_scene(
     scene: str, mesh: str | None, error: float, budget: float, method: str, t_end: float | None
 ) -> None:
-    """Tell which effects SCENE simulates, what calls for them, what they cost and change.
+    """Show which effects SCENE simulates, what calls for them, what they cost and change.
 
     SCENE is a name from `beltdyn scenes` or a TOML file. Lists the effects that are on and off, the
     size of the state by part, the passes of a step with their times on this machine, what leaving

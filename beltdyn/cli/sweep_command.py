@@ -111,7 +111,7 @@ def _write(dataset: Any, out: Path) -> None:
 
 
 def _rows(data: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Give a quantity over all runs, for each pulley or span if it has few of them."""
+    """Yield a quantity over all runs, for each pulley or span if it has few of them."""
     values = data[name]
     own = [dim for dim in values.dims if dim not in data["status"].dims]
     if len(own) != 1 or own[0] not in data.coords or data.sizes[own[0]] > _FEW:

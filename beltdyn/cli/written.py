@@ -61,7 +61,7 @@ def need_matplotlib(what: str) -> None:
 
 
 def figure_kinds() -> list[str]:
-    """Give the endings that a figure may have."""
+    """Return the endings that a figure may have."""
     from matplotlib.backend_bases import FigureCanvasBase
 
     return list(FigureCanvasBase.get_supported_filetypes())

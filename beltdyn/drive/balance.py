@@ -53,7 +53,7 @@ def _holds_none(name: str, mount: Sprung, force: float, resisted: float) -> str:
 def tension_held(
     pulleys: tuple[Pulley, ...], gravity: tuple[float, float], bending: float = 0.0
 ) -> float | None:
-    """Give the tension at which springs and weights are in balance in the places of the drive.
+    """Return the tension at which springs and weights are in balance in the places of the drive.
 
     Args:
         pulleys: The pulleys of a drive.
@@ -94,7 +94,7 @@ def tension_held(
 def _balances(
     pulleys: tuple[Pulley, ...], gravity: tuple[float, float], bending: float
 ) -> Iterator[tuple[int, Sprung, float, Callable[[float], float]]]:
-    """Give each arm and slider with its pulley, its weights, and what of a tension pulls at it.
+    """Yield each arm and slider with its pulley, its weights, and what of a tension pulls at it.
 
     Weights, hung and its own, are forces (torques) in the sense of the travel; what the belt pulls
     with against that sense is the tension times what the last gives for it.
@@ -126,7 +126,7 @@ def _balances(
 def preloaded(
     pulleys: tuple[Pulley, ...], gravity: tuple[float, float], bending: float = 0.0
 ) -> tuple[Pulley, ...]:
-    """Give the pulleys with a preload for each mount that has a ``tension`` in its place.
+    """Return the pulleys with a preload for each mount that has a ``tension`` in its place.
 
     Args:
         pulleys: The pulleys of a drive.

@@ -93,14 +93,14 @@ D = TypeVar("D", bound=Drive)
 
 
 def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
-    """Give how many cells to ask for where that is left open."""
+    """Return how many cells to ask for where that is left open."""
     radii = np.array([pulley.radius for pulley in pulleys])
     length = max(CELL, math.pi * float(radii.max()) / HALF_TURN)
     return 2 * len(pulleys) + math.ceil(float(line.wraps @ np.maximum(radii, SMALL)) / length)
 
 
 def instead(params: D) -> D | None:
-    """Give the drive with an ALE belt in place of links; None: it has one, or cannot well have it.
+    """Return the drive with an ALE belt in place of links; None: it has one, or cannot have it.
 
     Nor has a belt on the paper's mesh, which is there to give the paper's numbers.
     """
@@ -115,7 +115,7 @@ def instead(params: D) -> D | None:
 
 
 def landings(params: Drive, speed: float) -> float:
-    """Give how many links a second land on pulleys, or leave them, at a speed of the belt [m/s]."""
+    """Return the number of links a second that land on or leave pulleys, at a belt speed [m/s]."""
     places = 2 * len(params.pulleys)
     return places * abs(speed) * float(params.info["n_bodies"] / params.info["length"])
 
@@ -144,7 +144,7 @@ def cheaper(params: Drive, explicit: float, implicit: float, rtol: float, time: 
 
 
 def describe_cheaper(params: Drive) -> Iterator[str]:
-    """Say from which speed on an ALE belt is ``CHEAPER``, if there is one.
+    """Describe from which speed on an ALE belt is ``CHEAPER``, if there is one.
 
     Implicit steps follow the links that land, explicit ones the stability limit: the cheaper count.
     """
@@ -160,7 +160,7 @@ def describe_cheaper(params: Drive) -> Iterator[str]:
 
 
 def _on_arcs(params: Drive) -> Array:
-    """Give how many cells are on each pulley (n_p,)."""
+    """Return how many cells are on each pulley (n_p,)."""
     cells = params._cells
     return np.array([np.count_nonzero(cells == k) for k in range(len(params.pulleys))])
 
@@ -170,7 +170,7 @@ def _arcs(params: Drive) -> Array:
 
 
 def reach(params: Drive) -> float:
-    """Give the length sqrt(EI/T) over which bending runs off a pulley at rest [m]."""
+    """Return the length sqrt(EI/T) over which bending runs off a pulley at rest [m]."""
     return math.sqrt(params.belt.bending_stiffness / float(params.info["strain_tension"]))
 
 
@@ -201,7 +201,7 @@ def finer(params: Drive, error: float, allowed: float) -> str:
 
 
 def trusted(params: Drive, speed: float) -> float:
-    """Give the angular frequency from which on modes across spans are not those of the drive.
+    """Return the angular frequency from which on modes across spans are not those of the drive.
 
     Of the longest span as a string, at a speed of the belt [m/s]: of the first mode that it has not
     or, as running couples each to its neighbours, has amiss.
@@ -216,7 +216,7 @@ def trusted(params: Drive, speed: float) -> float:
 
 
 def modes_off(share: float, modes: int) -> Array:
-    """Give how far off the frequencies of a running string are by so many sine modes (modes,) [1].
+    """Return the relative error of the frequencies of a running string by so many modes (modes,).
 
     a_n'' + 2 b sum G_nr a_r' + (n pi)^2 (1 - b^2) a_n = 0 with G_nr = 4 n r / (n^2 - r^2) for odd
     n + r, against n pi (1 - b^2).
@@ -234,7 +234,7 @@ def modes_off(share: float, modes: int) -> Array:
 
 
 def describe(params: Drive) -> str:
-    """Say in one line what the error of the mesh is, and of how many cells and modes it is."""
+    """Describe in one line what the error of the mesh is, and of how many cells and modes it is."""
     cells, arcs = _on_arcs(params), _arcs(params)
     modes = params._model.sizes["MODES"] // len(params.pulleys)
     most = errors(params, 2.0 * float(params.info["strain_tension"]))
@@ -276,7 +276,7 @@ def limits(params: Drive) -> Iterator[RunWarning]:
 def seen(
     params: Drive, tension: Array | None, flow: Array | None, deflection: Array | None
 ) -> Iterator[tuple[str, str, int, int]]:
-    """Tell where a run came near the limits of an ALE belt: code, text, sample, span.
+    """Return where a run came near the limits of an ALE belt: code, text, sample, span.
 
     Args:
         params: The drive.

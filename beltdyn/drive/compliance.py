@@ -82,7 +82,7 @@ class Drive(Protocol):
         """The way of the belt."""
 
     def label(self, pulley: int) -> str:
-        """Give what texts call a pulley."""
+        """Return what texts call a pulley."""
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -118,7 +118,7 @@ class Compliance:
 
 
 def complete(contact: Contact, belt: Belt, pulleys: tuple[Pulley, ...]) -> Contact:
-    """Give a contact with the numbers that it leaves open chosen for a drive.
+    """Return a contact with the numbers that it leaves open chosen for a drive.
 
     ``linear`` is 100 EA / R^2 of the smallest pulley, so that the contact gives by a hundredth of
     what the belt stretches: creep and tension are right to 1 % (the stiffness of a belt is known to
@@ -154,14 +154,14 @@ def _radii(params: Drive) -> Array:
 
 
 def _depth(params: Drive, tension: Array, speed: float) -> Array:
-    """Give the depth of each pulley under tensions (n_p, m) [N] at a speed of the belt [m/s]."""
+    """Return the depth of each pulley under tensions (n_p, m) [N] at a speed of the belt [m/s]."""
     belt = params.belt
     pull = tension * (1.0 + tension / belt.axial_stiffness) - belt.linear_density * speed**2
     return depth_under(params, pull / _radii(params)[:, None])
 
 
 def depth_under(params: Drive, pressure: Array) -> Array:
-    """Give the depth [m] under forces per stress-free metre [N/m], 0 where these pull."""
+    """Return the depth [m] under forces per stress-free metre [N/m], 0 where these pull."""
     c1, c2 = _numbers(params)
     pushed = np.maximum(pressure, 0.0)
     # The root in the form that is exact for c1' = 0 and for c2' = 0.
@@ -169,7 +169,7 @@ def depth_under(params: Drive, pressure: Array) -> Array:
 
 
 def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) -> Array:
-    """Give the radius [m] on which belt runs under a tension [N].
+    """Return the radius [m] on which belt runs under a tension [N].
 
     Args:
         params: The drive.
@@ -187,7 +187,7 @@ def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) ->
 
 
 def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0.0) -> Compliance:
-    """Give how far the belt sinks into its pulleys, at rest or under load.
+    """Return how far the belt sinks into its pulleys, at rest or under load.
 
     Args:
         params: The drive.
@@ -283,7 +283,7 @@ def compliance_error(
 
 
 def describe(params: Drive) -> str:
-    """Say in one line what sinking into the pulleys does to a drive at rest."""
+    """Describe in one line what sinking into the pulleys does to a drive at rest."""
     found = compliance(params)
     worst = int(np.argmax(found.relative_depth[:, 1]))
     depth, share = found.depth[worst, 1], found.relative_depth[worst, 1]

@@ -166,7 +166,7 @@ class Friction(Printable):
         return np.asarray(force / pressed)
 
     def creep(self, share: float) -> float:
-        """Give the slip velocity at which friction is a share of its full force [m/s].
+        """Return the slip velocity at which friction is a share of its full force [m/s].
 
         A law without a state carries a load only while it slips. Where a wrap as a whole carries
         the torque fraction q, ``ln(T_tight / T_slack) / (mu * wrap)``, an inextensible belt slips
@@ -212,7 +212,7 @@ class Frictionless(Friction):
     law = "none"
 
     def coefficient(self, slip: ArrayLike, *, velocity: float, normal: float) -> Array:
-        """Give zeros, after the same checks."""
+        """Return zeros, after the same checks."""
         positive("velocity", velocity, "m/s"), positive("normal", normal, "N/m")
         return np.zeros(real_array("slip", slip, ndim=1).size)
 
@@ -473,7 +473,7 @@ class Threlfall(Friction):
 
 
 def law_or_none(name: str) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
-    """Give the validator of a field that holds a friction law or None."""
+    """Return the validator of a field that holds a friction law or None."""
 
     def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
         if value is not None and not isinstance(value, Friction):

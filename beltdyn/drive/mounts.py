@@ -68,7 +68,7 @@ class MountKind(NamedTuple):
         return self.angle is not None
 
     def unit(self, either: str) -> str:
-        """Give that of a travel, a rate or a force, of "rad or m"."""
+        """Return that of a travel, a rate or a force, of "rad or m"."""
         return either.split(" or ")[0 if self.angle else -1]
 
     def travel_text(self, travel: float) -> str:
@@ -185,7 +185,7 @@ class Sprung(Printable):
         return float(getattr(self, "weight", 0.0))
 
     def _directions(self, centers: Array) -> Array:
-        """Give how the axis at each of the centers (n, 2) moves with the travel, a of MODEL 5.
+        """Return how the axis at each of the centers (n, 2) moves with the travel, a of MODEL 5.
 
         Of an angle its length, which is the lever of forces on the axis, is the arm's [m]; else 1.
         """

@@ -91,7 +91,7 @@ def path_in(params: Params, name: object) -> Path:
 
 
 def overlap(params: Params, one: str, other: str) -> bool:
-    """Tell whether two names have a number in common, as "pulleys[*].inertia" with any other."""
+    """Return whether two names have a number in common, as "pulleys[*].inertia" with any other."""
     steps = zip(path_in(params, one), path_in(params, other), strict=False)
     return all(a == b or "*" in (a, b) for a, b in steps)
 
@@ -130,7 +130,7 @@ def _step(node: Any, step: str | int, so_far: str) -> Any:
 
 
 def read(params: Params, name: str) -> list[Any]:
-    """Give the value of a name, or one value for each index of a "*".
+    """Return the value of a name, or one value for each index of a "*".
 
     Raises:
         ValueError: No parameter has this name.
@@ -156,7 +156,7 @@ def read(params: Params, name: str) -> list[Any]:
 
 
 def rule_of(params: Params, name: str) -> Rule | None:
-    """Give the rule of a named number, None if it has none of its own; of a list, that of all."""
+    """Return the rule of a named number, None if it has none of its own; of a list, that of all."""
     whole = path = path_in(params, name)
     if len(path) > 1 and not (isinstance(path[-1], str) and path[-1] != "*"):
         path = path[:-1]
@@ -171,7 +171,7 @@ def rule_of(params: Params, name: str) -> Rule | None:
 
 
 def assign(node: Any, changes: Sequence[tuple[Path, Any]]) -> Any:
-    """Give a copy with several values changed at once; each change alone need not be valid.
+    """Return a copy with several values changed at once; each change alone need not be valid.
 
     The paths must exist, as :func:`read` checks; of two values for one path the last one counts.
 

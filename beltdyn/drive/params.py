@@ -281,7 +281,7 @@ class Params:
         return naming.index_of("pulley", pulley, self.pulley_names)
 
     def label(self, pulley: int) -> str:
-        """Give what texts call a pulley: ``pulley "crank"``, or ``pulley 3`` without a name."""
+        """Return what texts call a pulley: ``pulley "crank"``, or ``pulley 3`` without a name."""
         return naming.label(pulley, self.pulley_names)
 
     @functools.cached_property
@@ -293,7 +293,7 @@ class Params:
         return route_at(self.pulleys, self.centers()) if self.mounted else route(self.pulleys)
 
     def centers(self, travel: ArrayLike | None = None) -> Array:
-        """Give where the axes of the pulleys are.
+        """Return where the axes of the pulleys are.
 
         Args:
             travel: Travels of the mounts (n_m,), such as ``state.travel`` or a row of
@@ -346,7 +346,7 @@ class Params:
         return any(self.friction_on(k) is not None for k in range(len(self.pulleys)))
 
     def friction_on(self, pulley: int) -> Friction | None:
-        """Give the friction law of a pulley: its own, or that of the drive."""
+        """Return the friction law of a pulley: its own, or that of the drive."""
         own = self.pulleys[pulley].friction
         law = self.friction if own is None else own
         return None if isinstance(law, Frictionless) else law
@@ -387,7 +387,7 @@ class Params:
         return rows
 
     def _remarks(self) -> list[str]:
-        """Say what the drive is, and what follows from its numbers, a line each."""
+        """Describe what the drive is, and what follows from its numbers, a line each."""
         info, asked = self.info, self.belt.preload
         found = f"preload {asked:g} N: length {info['length']:.6g} m" if asked else ""
         return [
@@ -440,7 +440,7 @@ class Params:
         return [f"mounts rest at {', '.join(rest)} from their places"] if rest else []
 
     def _paths_beyond(self) -> Iterator[str]:
-        """Say by how much the splines of paths go beyond their points, if by 1 % of their way."""
+        """Describe by how much splines of paths overshoot their points, if by 1 % of the path."""
         travel = np.array(self._model.rest)
         for m, k in enumerate(self.mounted):
             if not isinstance(path := self.pulleys[k].mount, Path):
@@ -472,7 +472,7 @@ class Params:
         return toml.read(source, cls._from_document)
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
-        """Give the parameters as TOML text, also written to ``path``; exact both ways.
+        """Return the parameters as TOML text, also written to ``path``; exact both ways.
 
         Raises:
             OSError: The file cannot be written; a file that was there before is unchanged.
@@ -487,7 +487,7 @@ class Params:
         return params
 
     def _document(self) -> dict[str, Any]:
-        """Give the tables of TOML; what is at its default may be left out."""
+        """Return the tables of TOML; what is at its default may be left out."""
         document: dict[str, Any] = {"gravity": None, **toml.unstructure(self)}
         tensioning = {k: v for k, v in document.pop("tensioning").items() if v is not None}
         if self.tensioning != Tensioning():

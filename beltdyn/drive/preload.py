@@ -55,7 +55,7 @@ def model_of(scene: Scene, length: float) -> _core.Model:
 
 
 def in_place(scene: Scene) -> Scene:
-    """Give the scene without its mounts, the last but two of its parts."""
+    """Return the scene without its mounts, the last but two of its parts."""
     *others, _mounts, belt_model, couplings = scene
     return (*others, None, belt_model, couplings)
 

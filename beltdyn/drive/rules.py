@@ -79,12 +79,12 @@ class Rule(NamedTuple):
 
 
 def rules_of(group: str) -> dict[str, Rule]:
-    """Give the rules of a group of parameters, by name, in the order of the core's struct."""
+    """Return the rules of a group of parameters, by name, in the order of the core's struct."""
     return {row[1]: Rule(*row) for row in _core.PARAMETERS if row[0] == group}
 
 
 def instance_of(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
-    """Give the validator of a field that holds a part of a drive."""
+    """Return the validator of a field that holds a part of a drive."""
 
     def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
         if not isinstance(value, kind):
@@ -96,7 +96,7 @@ def instance_of(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], A
 def with_choice(
     name: str, choices: Sequence[str]
 ) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
-    """Give the validator of a field that is one of some names."""
+    """Return the validator of a field that is one of some names."""
 
     def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
         checks.one_of(name, value, choices)
@@ -107,7 +107,7 @@ def with_choice(
 def from_table(
     group: str, *others: Rule
 ) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
-    """Give every field of a class its rule; one without must have a validator or a converter.
+    """Return every field of a class its rule; one without must have a validator or a converter.
 
     A field whose default is None may be left open.
     """

@@ -104,7 +104,7 @@ class Drive(cells.Drive, Protocol):
 
 
 def check(params: Drive) -> tuple[RunWarning, ...]:
-    """Give the warnings of the parameters alone: mesh, strain, compliance, long_links, units.
+    """Return the warnings of the parameters alone: mesh, strain, compliance, long_links, units.
 
     Args:
         params: The drive.
@@ -116,7 +116,7 @@ def check(params: Drive) -> tuple[RunWarning, ...]:
 
 
 def mesh_share(params: Drive) -> float:
-    """Give what the mesh adds to the tension at rest, as a share of the tension without it [1].
+    """Return what the mesh adds to the tension at rest, as a share of the tension without it [1].
 
     Links lie on the pulleys as tangents and are longer than their arcs by (tan a)/a - 1, a half the
     angle of a link; this stretches the belt by ``info["mesh_strain"]``. The contact yields to both
@@ -187,7 +187,7 @@ def shaken(params: Drive, speed: float) -> float:
 
 
 def shaking_seen(params: Drive, speed: float, across: float, time: float) -> float:
-    """Tell from a run by how much links that land raise the mean tension, as a share of it [1].
+    """Estimate from a run by how much links that land raise the mean tension, as a share [1].
 
     A belt that runs steadily moves along itself: where a link in a span has a velocity across its
     own direction, a wave passes, whose slope is that velocity over sqrt(T / (rho A)) plus or minus
@@ -235,12 +235,12 @@ def _radii(params: Drive) -> Array:
 
 
 def bodies(params: Drive) -> str:
-    """Say of how many links, or point masses, the belt is made."""
+    """Describe of how many links, or point masses, the belt is made."""
     return f"{params.info['n_bodies']} {params._belt_facts['nodes']}"
 
 
 def describe_mesh(params: Drive) -> str:
-    """Say in one line what the error of the mesh is."""
+    """Describe in one line what the error of the mesh is."""
     if params._belt_facts["flows"]:
         return cells.describe(params)
     belt, error, n_b = params.belt, mesh_error(params), params.info["n_bodies"]
@@ -265,7 +265,7 @@ def describe_mesh(params: Drive) -> str:
 
 
 def _stiff_enough(params: Drive, allowed: Array) -> float:
-    """Give the least contact.linear at which the belt sinks in no deeper than allowed [N/m^2]."""
+    """Return the least contact.linear at which the belt sinks in no deeper than allowed [N/m^2]."""
     radii, info = _radii(params), params.info
     pull = info["strain_tension"] * (1.0 + info["strain"])
     low, high = 0.0, float(np.max(pull / (radii * allowed)))
@@ -401,7 +401,7 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
 
 
 def _preload(params: Drive) -> float:
-    """Give the preload that was asked for, or that of the belt's length [N]."""
+    """Return the preload that was asked for, or that of the belt's length [N]."""
     return float(params.belt.preload or params.info["strain_tension"])
 
 
@@ -501,7 +501,7 @@ def _stiffness(friction: Friction) -> str:
 
 
 def units(text: str, where: str, t: float | None = None) -> RunWarning:
-    """Give a warning of the code "units"."""
+    """Return a warning of the code "units"."""
     return RunWarning(code="units", text=text, where=where, t=t)
 
 

@@ -96,7 +96,7 @@ class Scene(NamedTuple):
         return toml.read(source, cls._from_document)
 
     def to_toml(self, path: str | os.PathLike[str] | None = None) -> str:
-        """Give the scene as TOML text, also written to ``path``; exact both ways.
+        """Return the scene as TOML text, also written to ``path``; exact both ways.
 
         Raises:
             TypeError: The torque or a motion is a function; only torque objects can be written, and
@@ -125,7 +125,7 @@ class Scene(NamedTuple):
         return scene
 
     def _document(self) -> dict[str, Any]:
-        """Give the tables of TOML.
+        """Return the tables of TOML.
 
         Raises:
             TypeError: The torque or a motion is a function, which TOML cannot hold.

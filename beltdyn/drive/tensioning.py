@@ -35,7 +35,7 @@ def _is_named(rows: Iterable[object]) -> bool:
 
 
 def _offset(value: naming.ByPulley[Sequence[float]] | ArrayLike | None) -> Offsets:
-    """Give one (dx, dy) for each pulley up to the last one that moves."""
+    """Return one (dx, dy) for each pulley up to the last one that moves."""
     if value is None:
         return ()
     if isinstance(value, tuple) and _is_named(value):
@@ -111,7 +111,7 @@ class Tensioning:
     shift: float = attrs.field(default=0.0, converter=_shift)
 
     def fitted(self, names: Sequence[str]) -> Tensioning:
-        """Give the same for a drive with these pulleys, those that are named by their index.
+        """Return the same for a drive with these pulleys, those that are named by their index.
 
         Raises:
             ValueError: There is no such pulley.
@@ -140,7 +140,7 @@ class Tensioning:
         return self.describe(())
 
     def describe(self, names: Sequence[str]) -> str:
-        """Say it with the names of the pulleys, as far as they are known."""
+        """Describe it with the names of the pulleys, as far as they are known."""
         places: Any = self.offset if _is_named(self.offset) else enumerate(self.offset)
         words = [
             "with friction" if self.friction else "without friction",
@@ -156,7 +156,7 @@ class Tensioning:
         return ", ".join(words)
 
     def _options(self, n_pulleys: int, has_friction: bool) -> dict[str, Any]:
-        """Give what the core takes."""
+        """Return what the core takes."""
         table = np.zeros((n_pulleys, 2))
         for index, shift in enumerate(cast("tuple[Pair, ...]", self.offset)):
             table[index] = shift

@@ -259,7 +259,7 @@ def unstructure(value: Any) -> Any:
 
 
 def write(document: dict[str, Any], path: Source | None) -> str:
-    """Give the document as text, also written to ``path`` if given."""
+    """Return the document as text, also written to ``path`` if given."""
     import tomli_w
 
     text = tomli_w.dumps(document)

@@ -200,7 +200,7 @@ def answers_of(result: Result) -> Answers:
 
 
 def changes_of(one: Answers, base: Answers) -> dict[str, Array]:
-    """Give by how much the answers of a run differ from those of another, over its scales.
+    """Return by how much the answers of a run differ from those of another, over its scales.
 
     What cannot be read off, such as the tension of a span that is gone, is infinitely far off.
 
@@ -218,7 +218,7 @@ def changes_of(one: Answers, base: Answers) -> dict[str, Array]:
 
 
 def growth_of(changes: dict[str, Array]) -> float:
-    """Give by how much changes are larger late in the run than early, 1 to 10."""
+    """Return by how much changes are larger late in the run than early, 1 to 10."""
     by_part = np.max([change[1:] for change in changes.values()], axis=0)
     early, late = float(np.max(by_part[:EARLY])), float(np.max(by_part[EARLY:]))
     if late <= early:
@@ -390,7 +390,7 @@ class _Base:
                 self._run(name, leave_out(self.scene, group))
 
     def timed(self, row: LeftOut) -> LeftOut:
-        """Give a row with its time."""
+        """Return a row with its time."""
         if row.failed:
             return row
         return attrs.evolve(row, cpu_time=self.times[row.name] / self.times[""] - 1.0)

@@ -94,7 +94,7 @@ class Step:
 
 
 def size_of(sim: _core.Simulation, belt: _core.BeltFacts) -> StateSize:
-    """Give the size of the state of a run."""
+    """Return the size of the state of a run."""
     state, sizes = sim.state(), sim.sizes
     parts: dict[str, int] = {}
     fields: dict[str, tuple[str, ...]] = {}
@@ -143,7 +143,7 @@ def time_step(start: Callable[[str], _core.Simulation], method: str) -> Step:
 
 
 def _chosen(sim: _core.Simulation) -> str:
-    """Give the method with which "auto" comes furthest; it tries others now and then."""
+    """Return the method with which "auto" comes furthest; it tries others now and then."""
     far: defaultdict[str, float] = defaultdict(float)
     begin, done = time.thread_time(), False
     while time.thread_time() - begin < _CHOICE and not done:

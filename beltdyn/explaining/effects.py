@@ -58,7 +58,7 @@ class Part(NamedTuple):
 
 
 def parts_of(params: Params) -> Iterator[Part]:
-    """Give the parts of a drive: belt, contact, friction, and what its pulleys have."""
+    """Yield the parts of a drive: belt, contact, friction, and what its pulleys have."""
     yield from _part("belt", None, params.belt)
     yield from _part("contact", None, params.effective_contact)
     yield from _part("friction", None, params.friction)
@@ -74,7 +74,7 @@ def effects_of(
     rows: Sequence[int],
     passes: Sequence[str],
 ) -> tuple[Effect, ...]:
-    """Give all effects that a run can have, in the order of their passes.
+    """Return all effects that a run can have, in the order of their passes.
 
     Args:
         params: The drive.
@@ -118,7 +118,7 @@ def _rules(part: Printable) -> list[Rule]:
 def _reasons(
     params: Params, torque: str, motions: Mapping[int, MotionLike], words: Sequence[str]
 ) -> tuple[list[str], list[str]]:
-    """Give what calls for an effect, and the numbers that are 0."""
+    """Return what calls for an effect, and the numbers that are 0."""
     reasons: list[str] = []
     zero: list[str] = []
     if "gravity" in words:
@@ -140,7 +140,7 @@ def _reasons(
 
 
 def _numbers(part: Part) -> tuple[list[str], list[str]]:
-    """Give the numbers of a part that are not 0, and those that are, each with name and unit."""
+    """Return the numbers of a part that are not 0, and those that are, each with name and unit."""
     numbers: list[str] = []
     zero: list[str] = []
     if isinstance(part.part, Friction):

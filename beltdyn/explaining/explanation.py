@@ -73,7 +73,7 @@ class Explanation:
         return self.step.passes
 
     def without(self, *names: str) -> Scene:
-        """Give the scene without some of the effects of ``ablation``.
+        """Return the scene without some of the effects of ``ablation``.
 
         Args:
             names: Names of rows of ``ablation``; none: all that ``ablation.advice`` has.
@@ -89,7 +89,7 @@ class Explanation:
         return leave_out(self.scene, [one for name, one in known.items() if name in names])
 
     def to_dict(self) -> dict[str, Any]:
-        """Give all but the scene as plain dictionaries, lists, texts and numbers, for JSON.
+        """Return all but the scene as plain dictionaries, lists, texts and numbers, for JSON.
 
         Numbers that are not finite, such as the bound of what failed, are None.
         """
@@ -121,7 +121,7 @@ def explain(
     method: str = "auto",
     ablation: bool = True,
 ) -> Explanation:
-    """Tell which effects a drive simulates, what calls for them, what they cost and change.
+    """Return which effects a drive simulates, what calls for them, what they cost and change.
 
     ``print(bd.explain(*bd.scenes.serpentine()))`` shows a built-in scene. It lists
 
@@ -220,7 +220,7 @@ def explain(
 
 
 def _start(drive: Drive, state: State, method: str) -> _core.Simulation:
-    """Give a run from a state of the window on, to its end or beyond."""
+    """Return a run from a state of the window on, to its end or beyond."""
     scene = drive.scene
     names = scene.params.pulley_names
     return _core.Simulation(

@@ -55,7 +55,7 @@ class Removal(NamedTuple):
 
 
 def removals_of(scene: Scene) -> tuple[Removal, ...]:
-    """Give what can be left out of a scene."""
+    """Return what can be left out of a scene."""
     found: dict[tuple[str, str], list[str]] = {}
     for part in parts_of(scene.params):
         for name in _optional(part):
@@ -66,7 +66,7 @@ def removals_of(scene: Scene) -> tuple[Removal, ...]:
 
 
 def leave_out(scene: Scene, removals: Iterable[Removal]) -> Scene:
-    """Give the scene without some effects."""
+    """Return the scene without some effects."""
     for removal in removals:
         scene = removal.apply(scene)
     return scene
@@ -103,7 +103,7 @@ def _number(path: str, name: str, where: list[str]) -> Removal:
 
 
 def _of_same_tension(params: Params) -> Params:
-    """Give the tension at rest in place of the length, or of the preload of mounts, that make it.
+    """Return the tension at rest in place of the length, or of the preload of mounts, that make it.
 
     A belt that bends is shorter on its way and lifted off its pulleys. What that does to the
     tension at rest is of no interest: who leaves it out still tightens the belt to its tension.
@@ -121,7 +121,7 @@ def _of_same_tension(params: Params) -> Params:
 
 
 def _with_parts(scene: Scene, changes: Callable[[Part], dict[str, Any]]) -> Scene:
-    """Give the scene with other numbers in some of its parts."""
+    """Return the scene with other numbers in some of its parts."""
     params = scene.params
     for part in list(parts_of(params)):
         changed = changes(part)
@@ -151,7 +151,7 @@ def _without_gravity(scene: Scene) -> Scene:
 
 
 def _stribeck_off(part: Part) -> dict[str, Any]:
-    """Give the static coefficient that takes the Stribeck curve away, where there is one."""
+    """Return the static coefficient that takes the Stribeck curve away, where there is one."""
     name, _ = _STRIBECK
     static = getattr(part.part, name, 0.0)
     if part.group != "friction" or static == 0.0:
@@ -174,7 +174,7 @@ def _sprung(params: Params) -> list[int]:
 
 
 def _coarser_law(part: Part) -> Friction | None:
-    """Give the law with one state for each link that one with more, or more terms, comes close to.
+    """Return the law with one state a link that a law with more states or terms comes close to.
 
     Dahl's is LuGre's without the dampers, an elastic/plastic one of all elements at once is
     Maxwell slip before the first element slips and after the last (MODEL section 4).

@@ -72,7 +72,7 @@ class Window:
     final: State = attrs.field(repr=False)
 
     def reached_in(self, seconds: float) -> float:
-        """Give how far a run comes in some CPU time, at the pace of the window [s]."""
+        """Return how far a run comes in some CPU time, at the pace of the window [s]."""
         return seconds / self.pace if self.pace > 0.0 else self.asked
 
 

@@ -134,7 +134,7 @@ class Experiment:
         return self.initial.t if isinstance(self.initial, State) else 0.0
 
     def drive(self, params: Params) -> Params:
-        """Give the drive of this run.
+        """Return the drive of this run.
 
         Raises:
             ValueError: There is no such drive.
@@ -145,7 +145,7 @@ class Experiment:
         return drive
 
     def begin(self, drive: Params) -> State:
-        """Give the state this run starts from.
+        """Return the state this run starts from.
 
         Raises:
             SimulationError: The belt did not come to rest.

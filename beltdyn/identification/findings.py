@@ -174,7 +174,7 @@ class Identification:
     def interval(
         self, confidence: float | None = None, *, simultaneous: bool = False
     ) -> dict[str, tuple[float, float]]:
-        """Give confidence intervals, (low, high) by name in the parameters' units.
+        """Return confidence intervals, (low, high) by name in the parameters' units.
 
         Linearised, from Student's t with :attr:`dof` degrees of freedom, which is the normal
         distribution if every sigma was given, and wider by :attr:`mesh`. For logarithms low and
@@ -284,7 +284,7 @@ class Identification:
         return tuple(name for name, std in zip(self.values, spread, strict=True) if std > most)
 
     def sensitivity(self, unit: str = "relative") -> Sensitivity:
-        """Tell how much every target changes with every parameter.
+        """Return how much every target changes with every parameter.
 
         Args:
             unit: "relative": relative change of the number per relative change of the parameter

@@ -290,7 +290,7 @@ class _Search:
             self._sigma[:] = end.sigma
 
     def _others(self, count: int) -> list[Array]:
-        """Give the best of points spread evenly in each parameter around the start."""
+        """Return the best of points spread evenly in each parameter around the start."""
         if count < 1:
             return []
         free = len(self.parameters)
@@ -323,7 +323,7 @@ class _Search:
         return None
 
     def _beside(self, side: float) -> Array:
-        """Give the best fit with the parameter of which least is known changed by a factor of 2."""
+        """Return the best fit with the least known parameter changed by a factor of 2."""
         assert self.best is not None and self._slopes is not None
         spread = np.diag(linear.covariance(self._scaled(self._slopes[1])))
         u = self.best.u.copy()
@@ -340,7 +340,7 @@ class _Search:
         return sorted(good, key=lambda one: one[1])
 
     def _score(self, trial: Trial) -> float:
-        """Give twice the negative logarithm of the likelihood, unknown sigmas at their best."""
+        """Return twice the negative logarithm of the likelihood, unknown sigmas at their best."""
         off = trial.y - self._measured
         known = np.ones(off.size, dtype=bool)
         total = 0.0
@@ -356,7 +356,7 @@ class _Search:
         return float(total)
 
     def mesh(self) -> tuple[Array | None, str]:
-        """Give how far the fit would move on an infinitely fine mesh, or None and why not."""
+        """Return how far the fit would move on an infinitely fine mesh, or None and why not."""
         best = self.best
         assert best is not None and self._slopes is not None
         try:
@@ -447,7 +447,7 @@ class _Search:
         return np.concatenate([slopes / self._sigma[:, None], rows])
 
     def _slopes_at(self, u: Array) -> Array:
-        """Give the derivatives of the computed numbers (n, n_free), by differences."""
+        """Return the derivatives of the computed numbers (n, n_free), by differences."""
         if self._slopes is None or not np.array_equal(self._slopes[0], u):
             here = self._try(u)
             self._slopes = u.copy(), self._differences(here)

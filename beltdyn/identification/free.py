@@ -85,7 +85,7 @@ class Parameter:
     set: Callable[[Params, float], Params] | None
 
     def value(self, u: float) -> float:
-        """Give the value at a coordinate; infinite where it leaves the range of floats."""
+        """Return the value at a coordinate; infinite where it leaves the range of floats."""
         if not self.log:
             return self.start + (u - 1.0) * self.size
         try:
@@ -94,13 +94,13 @@ class Parameter:
             return math.inf
 
     def coordinate(self, value: float) -> float:
-        """Give the coordinate of a value; infinite for infinite limits."""
+        """Return the coordinate of a value; infinite for infinite limits."""
         if not self.log:
             return 1.0 + (value - self.start) / self.size
         return 1.0 + math.log(value / self.start) if value > 0.0 else -math.inf
 
     def deviation(self, std: float, value: float) -> float:
-        """Give a standard deviation in the parameter's unit as one of the coordinate."""
+        """Return a standard deviation in the parameter's unit as one of the coordinate."""
         return std / value if self.log else std / self.size
 
 
@@ -179,7 +179,7 @@ def resolve(params: Params, free: Iterable[Free | str]) -> tuple[Parameter, ...]
 
 
 def place(params: Params, parameters: Sequence[Parameter], u: Array) -> Params:
-    """Give the drive at the coordinates ``u`` (n_free,).
+    """Return the drive at the coordinates ``u`` (n_free,).
 
     Raises:
         ValueError: There is no such drive.

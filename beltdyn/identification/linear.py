@@ -51,7 +51,7 @@ class Combination:
 
 
 def _split(jacobian: Array) -> tuple[Array, Array, int]:
-    """Give singular values and vectors (as columns, all n_free), and the rank."""
+    """Return singular values and vectors (as columns, all n_free), and the rank."""
     _, values, rows = np.linalg.svd(jacobian, full_matrices=True)
     singular = np.zeros(jacobian.shape[1])
     singular[: values.size] = values
@@ -60,7 +60,7 @@ def _split(jacobian: Array) -> tuple[Array, Array, int]:
 
 
 def covariance(jacobian: Array) -> Array:
-    """Give the covariance (n_free, n_free) from a Jacobian in standard deviations.
+    """Return the covariance (n_free, n_free) from a Jacobian in standard deviations.
 
     Infinite, with a sign off the diagonal, along directions that the data do not determine.
     """
@@ -72,7 +72,7 @@ def covariance(jacobian: Array) -> Array:
 
 
 def correlation(jacobian: Array) -> Array:
-    """Give the correlation (n_free, n_free); undetermined directions count as very wide."""
+    """Return the correlation (n_free, n_free); undetermined directions count as very wide."""
     singular, vectors, rank = _split(jacobian)
     # Wide enough to outweigh everything known, narrow enough for 1 - |r| to be right to 1e-6.
     least = (singular[rank - 1] if rank else 1.0) * 1e-4
@@ -82,14 +82,14 @@ def correlation(jacobian: Array) -> Array:
 
 
 def leverage(jacobian: Array) -> Array:
-    """Give the part of each residual (n,) that the free parameters can absorb."""
+    """Return the part of each residual (n,) that the free parameters can absorb."""
     left, singular, _ = np.linalg.svd(jacobian, full_matrices=False)
     rank = int((singular > _RANK * singular.max(initial=0.0)).sum())
     return np.asarray((left[:, :rank] ** 2).sum(axis=1))
 
 
 def _sparse(basis: Array) -> Array:
-    """Give a basis of the same space (columns) in which each has a parameter of its own."""
+    """Return a basis of the same space (columns) in which each has a parameter of its own."""
     basis = basis.copy()
     pivots: list[int] = []
     for k in range(basis.shape[1]):

@@ -15,7 +15,7 @@ LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
 def cost_and_weights(residuals: Array, loss: str) -> tuple[float, Array]:
-    """Give the cost, 1/2 sum rho(f^2), and the weights rho'(f^2) of residuals f.
+    """Return the cost, 1/2 sum rho(f^2), and the weights rho'(f^2) of residuals f.
 
     SciPy has no public functions for its losses, but it returns the cost and its gradient at the
     starting point of a search. For the identity as a function of f the gradient is rho'(f^2) f. The

@@ -40,7 +40,7 @@ class Options:
         loss: str,
         prior: Mapping[str, tuple[float, float]] | None,
     ) -> Self:
-        """Give the options that these arguments ask for.
+        """Return the options that these arguments ask for.
 
         Raises:
             TypeError, ValueError: One breaks its rule.
@@ -63,7 +63,7 @@ class Options:
 def _prior(
     parameters: Sequence[Parameter], prior: Mapping[str, tuple[float, float]] | None
 ) -> tuple[tuple[int, float, float], ...]:
-    """Give index, coordinate and its standard deviation."""
+    """Return index, coordinate and its standard deviation."""
     names = [part.name for part in parameters]
     rows = []
     for name, given in (prior or {}).items():

@@ -56,7 +56,7 @@ class _Run:
 
 
 def _rows(result: Result, rows: Any) -> Result:
-    """Give a result at some of its samples."""
+    """Return a result at some of its samples."""
     groups = {
         name: attrs.evolve(group, **{k: values[rows] for k, values in group.arrays().items()})
         for name in GROUPS

@@ -47,7 +47,7 @@ _HINGE, _HINGE_FROM = 40.0, 0.85
 
 
 def dahl(result: Result) -> Dahl:
-    """Give the friction of a run of the paper's drives."""
+    """Return the friction of a run of the paper's drives."""
     friction = result.params.friction
     if not isinstance(friction, Dahl):
         raise TypeError(f"the paper's drives have Dahl friction, got {friction!r}")
@@ -131,17 +131,17 @@ QUANTITIES = _table()
 
 
 def paper_values(case: int | None = None) -> dict[str, float]:
-    """Give the paper's values by name; of one case only, if given."""
+    """Return the paper's values by name; of one case only, if given."""
     return {q.name: q.paper for q in QUANTITIES if case in (None, q.case)}
 
 
 def residuals(values: Mapping[str, float]) -> dict[str, float]:
-    """Give (computed - paper)/scale of every quantity in ``values``."""
+    """Return (computed - paper)/scale of every quantity in ``values``."""
     return {q.name: (values[q.name] - q.paper) / q.scale for q in QUANTITIES if q.name in values}
 
 
 def demands(values: Mapping[str, float]) -> Array:
-    """Give the residuals that keep the demanded quantities of a search within their scales."""
+    """Return the residuals that keep the demanded quantities of a search within their scales."""
     z = residuals(values)
     excess = [abs(z[q.name]) - _HINGE_FROM for q in QUANTITIES if q.demanded and q.name in z]
     return _HINGE * np.maximum(excess, 0.0)
@@ -153,7 +153,7 @@ def misfit(values: Mapping[str, float]) -> float:
 
 
 def cost(values: Mapping[str, float]) -> float:
-    """Give the objective of a search: the misfit and the squares of :func:`demands`."""
+    """Return the objective of a search: the misfit and the squares of :func:`demands`."""
     return misfit(values) + float(np.sum(demands(values) ** 2))
 
 

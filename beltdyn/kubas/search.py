@@ -255,7 +255,7 @@ def explore(
 
 
 def targets(links: Links, *, within_demands: bool = True) -> list[Target]:
-    """Give the table as targets for :func:`beltdyn.identify`, one per case.
+    """Return the table as targets for :func:`beltdyn.identify`, one per case.
 
     Args:
         links: The chosen elements.
@@ -301,7 +301,7 @@ def trade_off(
     free: Sequence[Free] = UNKNOWNS,
     workers: int | None = None,
 ) -> list[Trial]:
-    """Give one quantity more weight and simulate the effect on the others.
+    """Return one quantity more weight and simulate the effect on the others.
 
     The step is that of the linearised least squares with the quantity's scale divided by a weight,
     limited by the uncertainty of the parameters; the trials are simulated, not linearised.

@@ -61,7 +61,7 @@ class Line:
         return "MISSED" if self.quantity.demanded else "conflict, see identification"
 
     def cells(self) -> tuple[str, ...]:
-        """Give the texts of the columns."""
+        """Return the texts of the columns."""
         q = self.quantity
         return (
             str(q.row),

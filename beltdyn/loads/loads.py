@@ -37,7 +37,7 @@ EQUAL = attrs.cmp_using(eq=np.array_equal)
 
 
 def named(cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-    """Tell the converters of a class what messages call its fields (a field transformer)."""
+    """Pass the names of a class's fields to their converters (a field transformer)."""
 
     def bound(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
         converter: Any = field.converter
@@ -171,7 +171,7 @@ class _OnOnePulley(Torque):
         raise NotImplementedError
 
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Give the torques (n_p,) [N m]; against a rotation of 0 they are 0."""
+        """Return the torques (n_p,) [N m]; against a rotation of 0 they are 0."""
         angles, speeds = np.asarray(theta, dtype=float), np.asarray(omega, dtype=float)
         index = self._index_alone(speeds.size)
         over_time = self._over_time()
@@ -445,7 +445,7 @@ class _OverTime(_OnOnePulley):
         return self._history()._core_terms(pulleys, path)
 
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Give the torques (n_p,) [N m]; at a jump those after it."""
+        """Return the torques (n_p,) [N m]; at a jump those after it."""
         return self._history()(t, theta, omega)
 
 

@@ -107,7 +107,7 @@ class AngleTable:
         object.__setattr__(self, "speed", PiecewiseLinear(t, speeds))
 
     def _filtered(self, cutoff: float) -> tuple[Array, Array]:
-        """Give times and speeds of the angles without what is faster than the cutoff."""
+        """Return times and speeds of the angles without what is faster than the cutoff."""
         signal = scipy_module("signal", "angle tables")
         lasts = float(self.t[-1] - self.t[0])
         n = 1 + round(lasts / float(np.median(np.diff(self.t))))
@@ -317,7 +317,7 @@ class CrankMotion:
         harmonic_fields(self)
 
     def _first_speed(self, t: float) -> float:
-        """Give the speed at a time (MODEL section 5)."""
+        """Return the speed at a time (MODEL section 5)."""
         times, speeds = self.speed.t, self.speed.values[:, 0]
         mean = float(self.speed.at(t)[0])
         knots = np.array([times[0], *times[(times > times[0]) & (times < t)], t])
@@ -344,7 +344,7 @@ class CrankMotion:
 
 
 def described(motion: MotionLike) -> str:
-    """Say in words what motion this is."""
+    """Describe in words what motion this is."""
     if isinstance(motion, Motion) and isinstance(motion.angle, AngleTable):
         return str(motion.angle)
     speed = motion.speed if isinstance(motion, Motion) else motion
@@ -389,7 +389,7 @@ def as_motions(
 
 
 def motion_terms(motions: Mapping[int, Motion | CrankMotion]) -> list[_core.MotionTerm]:
-    """Give the motions as the C core takes them."""
+    """Return the motions as the C core takes them."""
 
     def term(pulley: int, motion: Motion | CrankMotion) -> _core.MotionTerm:
         if isinstance(motion, CrankMotion):
@@ -408,7 +408,7 @@ def motion_terms(motions: Mapping[int, Motion | CrankMotion]) -> list[_core.Moti
 def first_speeds(
     motions: Mapping[int, Motion | CrankMotion], t: float, until: float, names: Sequence[str]
 ) -> dict[int, float]:
-    """Give the speeds at the start of a run whose functions are smooth up to a time."""
+    """Return the speeds at the start of a run whose functions are smooth up to a time."""
     step = min(_STEP, (until - t) / (_FORWARD.size - 1))
 
     def call(pulley: int, function: Callable[[float], float], time: float) -> float:

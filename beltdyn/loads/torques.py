@@ -54,7 +54,7 @@ class Torque:
         raise NotImplementedError
 
     def terms(self, pulleys: Sequence[str] | None = None) -> list[_core.TorqueTerm]:
-        """Give the terms the C core evaluates.
+        """Return the terms the C core evaluates.
 
         Args:
             pulleys: ``Params.pulley_names`` of the drive. May be left out if ``n_pulleys`` is
@@ -71,7 +71,7 @@ class Torque:
         return self._terms(pulleys, "torque_fn")
 
     def _terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
-        """Give the terms; messages call the torque ``path``."""
+        """Return the terms; messages call the torque ``path``."""
         if self.n_pulleys is not None and self.n_pulleys != len(pulleys):
             raise ValueError(
                 f"{path} must give one torque for each of the {len(pulleys)} pulley(s), "
@@ -83,7 +83,7 @@ class Torque:
         raise NotImplementedError
 
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Give the torques (n_p,) [N m] at a time, for angles and speeds (n_p,)."""
+        """Return the torques (n_p,) [N m] at a time, for angles and speeds (n_p,)."""
         raise NotImplementedError
 
     def __add__(self, other: object) -> TorqueSum:
@@ -95,7 +95,7 @@ class Torque:
     _in_proportion: ClassVar[tuple[str, ...]] = ()
 
     def __mul__(self, factor: object) -> Self:
-        """Give this torque times a number, where all of it is in proportion to some fields."""
+        """Return this torque times a number, where all of it is in proportion to some fields."""
         if isinstance(factor, bool) or not isinstance(factor, numbers.Real):
             return NotImplemented
         if not self._in_proportion:
@@ -146,7 +146,7 @@ def _pulley_or_none(value: object) -> PulleyLike | None:
 
 
 def index_alone(name: str, pulley: object, n_pulleys: int) -> int:
-    """Give the index of a pulley where there is no drive to look for a name in.
+    """Return the index of a pulley where there is no drive to look for a name in.
 
     Raises:
         ValueError: It is given by name, or is not there.
@@ -159,7 +159,7 @@ def index_alone(name: str, pulley: object, n_pulleys: int) -> int:
 
 
 def on_pulley(index: int, torque: ArrayLike, n_pulleys: int) -> Array:
-    """Give a torque on one pulley as torques on all, (..., n_p)."""
+    """Return a torque on one pulley as torques on all, (..., n_p)."""
     out = np.zeros((*np.shape(torque), n_pulleys))
     out[..., index] = torque
     return out
@@ -250,7 +250,7 @@ class PiecewiseLinear(Torque):
         return self.described(f"{where}, ", "N m")
 
     def described(self, where: str, unit: str) -> str:
-        """Say in words how many times and which values there are, which may be no torques."""
+        """Describe in words how many times and which values there are, which may be no torques."""
         return (
             f"piecewise linear, {self.t.size} time(s) from {self.t[0]:g} to {self.t[-1]:g} s, "
             f"{where}{self.values.min():g} to {self.values.max():g} {unit}"
@@ -288,7 +288,7 @@ class Viscous(Torque):
         return [("viscous", self.coefficients)]
 
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Give -coefficient_j omega_j."""
+        """Return -coefficient_j omega_j."""
         return np.asarray(-self.coefficients * np.asarray(omega))
 
     def __reduce__(self) -> tuple[Any, ...]:

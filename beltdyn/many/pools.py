@@ -34,7 +34,7 @@ _WATCHED = 0.5
 
 
 def _available() -> int:
-    """Give the number of processors that this process may use."""
+    """Return the number of processors that this process may use."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:
@@ -57,7 +57,7 @@ def as_bytes(what: Any) -> bytes:
 
 
 def _pickler() -> Any:
-    """Give cloudpickle, which knows functions of notebooks and scripts, or what Python has."""
+    """Return cloudpickle, which knows functions of notebooks and scripts, or what Python has."""
     try:
         return import_module("cloudpickle")
     except ImportError:
@@ -116,7 +116,7 @@ class Pool:
         return future
 
     def map(self, work: Callable[[_Job], _Out], jobs: Iterable[_Job]) -> list[_Out]:
-        """Give ``work(job)`` for every job, in their order.
+        """Return ``work(job)`` for every job, in their order.
 
         If a job raises or Ctrl-C is pressed, the others are stopped and the exception is raised.
 
@@ -142,7 +142,7 @@ class Pool:
             raise
 
     def deaths(self, error: BaseException) -> int:
-        """Give how many worker processes have died, as an error says; 0: it says something else."""
+        """Return how many worker processes an error says have died; 0: it says something else."""
         return int(isinstance(error, BrokenExecutor))
 
     def renew(self) -> None:
@@ -160,7 +160,7 @@ class Pool:
         """End what runs at the moment, as far as this is possible."""
 
     def close(self, ended: bool) -> None:
-        """Give back what belongs to this pool; ``ended``: by an error."""
+        """Release what belongs to this pool; ``ended``: by an error."""
 
 
 class _Threads(Pool):
@@ -257,7 +257,7 @@ class _Dask(Pool):
         return f"{self.count} thread(s) of a Dask cluster"
 
     def deaths(self, error: BaseException) -> int:
-        """Give how many workers have died: the scheduler tries several for itself."""
+        """Return how many workers have died: the scheduler tries several for itself."""
         # by name: Dask need not be installed
         if type(error).__name__ == "KilledWorker":
             return int(getattr(error, "allowed_failures", 0)) + 1

@@ -132,7 +132,7 @@ class Accuracy:
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, quantity: str) -> QuantityError:
-        """Give the errors of a quantity.
+        """Return the errors of a quantity.
 
         Raises:
             KeyError: There is none of that name.
@@ -143,7 +143,7 @@ class Accuracy:
         raise KeyError(quantity)
 
     def foreseen(self, expected: Expected) -> Accuracy:
-        """Give the same with the errors that pilot runs have shown in place of estimates.
+        """Return the same with the errors that pilot runs have shown in place of estimates.
 
         Means of tension are no further off than its history, of which a pilot knows.
         """
@@ -163,7 +163,7 @@ class Accuracy:
         return attrs.evolve(self, errors=errors, notes=(*self.notes, note))
 
     def summary(self) -> list[tuple[str, str]]:
-        """Give the whole error of tensions and creep in a few rows of label and text."""
+        """Return the whole error of tensions and creep in a few rows of label and text."""
         rows = [("accuracy, measured" if self.verified else "accuracy, estimated", "")]
         for name in ("tension", "span_mean", "creep", "power"):
             one = self[name]
@@ -184,7 +184,7 @@ class Accuracy:
         return rows
 
     def sentence(self) -> str:
-        """Give the sum of the errors of each quantity in a sentence."""
+        """Return the sum of the errors of each quantity in a sentence."""
         known = [
             f"{SHORT.get(one.quantity, one.quantity)} {_share(one.total, 0.0)}"
             for one in self.errors
@@ -212,7 +212,7 @@ class Accuracy:
         return share if self.verified or share.startswith("<") else f"at most {share}"
 
     def table(self) -> list[tuple[str, ...]]:
-        """Give the errors as rows of text, the heading first."""
+        """Return the errors as rows of text, the heading first."""
         rows: list[tuple[str, ...]] = [
             ("error of", "in time", "of the mesh", "order", "of contact", "sum")
         ]
@@ -230,7 +230,7 @@ class Accuracy:
         return rows
 
     def remarks(self) -> Iterator[str]:
-        """Give what stands below the table, a sentence each."""
+        """Yield what stands below the table, a sentence each."""
         if not self.verified:
             yield (
                 f"not verified{' in full' if self.runs else ''}: without other runs errors of "
@@ -292,7 +292,7 @@ class Run(Protocol):
 
 
 def known(run: Run) -> Accuracy:
-    """Give what is known of the accuracy of a run without another run.
+    """Return what is known of the accuracy of a run without another run.
 
     ``stats.error`` is that of all joint forces, which no span's tension exceeds by much.
     """
@@ -371,7 +371,7 @@ def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) ->
 
 
 def _vibration(run: Run) -> float:
-    """Give how much the tensions of spans vibrate in the end, root mean square [N].
+    """Return how much the tensions of spans vibrate in the end, root mean square [N].
 
     Where small differences grow exponentially, other meshes vibrate as much at other phases.
     """

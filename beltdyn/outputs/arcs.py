@@ -62,7 +62,7 @@ class Arcs:
 
 
 def in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
-    """Give the friction coefficients in slip at these velocities; None if they depend on none.
+    """Return the friction coefficients in slip at these velocities; None if they depend on none.
 
     Interpolated between speeds 5 % apart, a millionth of the highest the least: a law that changes
     over its own scale of speed is met to a thousandth, far below what is asked of full slip.
@@ -101,7 +101,7 @@ def full_friction(params: Params, touched: NDArray[np.int32], velocity: Array | 
 
 
 def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
-    """Give the points at which contact is reported (n_t, n_b, 2) [m].
+    """Return the points at which contact is reported (n_t, n_b, 2) [m].
 
     The joints on the left of the links where contact acts along these, else their centres, or the
     masses of a string; of cells the middles of the lines between their ends.
@@ -116,7 +116,7 @@ def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
 
 
 def turns(begin: Array, end: Array) -> Array:
-    """Give the angles from one direction to another, within +-pi; the last axis is x, y."""
+    """Return the angles from one direction to another, within +-pi; the last axis is x, y."""
     cross = begin[..., 0] * end[..., 1] - begin[..., 1] * end[..., 0]
     return np.asarray(np.arctan2(cross, (begin * end).sum(axis=-1)))
 
@@ -161,13 +161,13 @@ def arcs_of(params: Params, belt: BeltHistory, contact: ContactHistory, centers:
 def _of_cells(
     params: Params, belt: BeltHistory, rows: slice, axis: Array, on: NDArray[np.bool_]
 ) -> Array:
-    """Give the angles between the ends of cells on a pulley (n_t, n_b) [rad]; 0 of those off it."""
+    """Return the angles between the ends of cells on a pulley (n_t, n_b) [rad]; 0: off it."""
     arm = np.stack([belt.x[rows], belt.y[rows]], axis=-1) - axis[:, None]
     return np.where(on, np.abs(turns(arm, np.roll(arm, -1, axis=1))), 0.0)
 
 
 def _beyond(excess: Array, on: NDArray[np.bool_]) -> Array:
-    """Give the share of each cell in which something linear between their middles is positive.
+    """Return the share of each cell in which something linear between their middles is positive.
 
     On a pulley's cells (n_t, n_b); in the outer half of its first and its last it is as in the
     middle.
@@ -183,7 +183,7 @@ def _beyond(excess: Array, on: NDArray[np.bool_]) -> Array:
 
 
 def _angles(params: Params, arm: Array, on: NDArray[np.bool_], normal: Array) -> Array:
-    """Give the angles that links on a pulley stand for (n_t, n_b) [rad]; 0 of those off it."""
+    """Return the angles that links on a pulley stand for (n_t, n_b) [rad]; 0 of those off it."""
     after = np.abs(turns(arm, np.roll(arm, -1, axis=1)))
     angles = np.where(on, 0.5 * (after + np.roll(after, 1, axis=1)), 0.0)
     if not params._belt_facts["smooth"]:

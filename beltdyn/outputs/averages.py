@@ -15,7 +15,7 @@ LAST = 0.2
 
 
 def time_weights(t: Array, begin: float = -math.inf, end: float = math.inf) -> Array:
-    """Give the weights (n_t,) of the trapezoidal rule from ``begin`` to ``end``, of sum 1.
+    """Return the weights (n_t,) of the trapezoidal rule from ``begin`` to ``end``, of sum 1.
 
     At least the last interval before ``end`` counts; equal weights if no time passes there.
     """
@@ -31,7 +31,7 @@ def time_weights(t: Array, begin: float = -math.inf, end: float = math.inf) -> A
 
 
 def mean_over(weights: Array, samples: Array) -> Array:
-    """Give the weighted mean over time, the first axis, of samples (n_t, ...), NaN left out.
+    """Return the weighted mean over time, the first axis, of samples (n_t, ...), NaN left out.
 
     NaN where there is no other sample of a weight.
     """

@@ -79,12 +79,12 @@ class Group:
     @classmethod
     @functools.cache
     def array_names(cls) -> tuple[str, ...]:
-        """Give the names of the arrays."""
+        """Return the names of the arrays."""
         fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
         return tuple(field.name for field in fields if field.metadata.get("array", True))
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Give the arrays by name; not those that the drive does not have, or not asked for."""
+        """Return the arrays by name; not those that the drive does not have, or not asked for."""
         arrays = {name: getattr(self, name, None) for name in self.array_names()}
         return {name: array for name, array in arrays.items() if array is not None}
 
@@ -101,7 +101,7 @@ def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
 
 
 def absent(output: str, before: str = "") -> str:
-    """Say which meshes have belts without an output, such as "contact.slip"; nothing: none."""
+    """Describe which meshes have belts without an output, such as "contact.slip"; nothing: none."""
     sizes = {f"{group}.{name}": size for group, name, size in ROWS}
     without = dict.fromkeys(
         f'"{row["mesh"]}"' for row in _core.BELTS if sizes.get(output) in row["lacks"]
@@ -458,12 +458,12 @@ ROWS = (
 
 
 def absent_groups(params: Any) -> set[str]:
-    """Give the groups that a drive does not have."""
+    """Return the groups that a drive does not have."""
     return {group for group, _, size in ROWS if params._having.get(size) == ()}
 
 
 def shape_of(size: str, params: Any) -> tuple[int, ...]:
-    """Give the shape of a history of this size, at one sample."""
+    """Return the shape of a history of this size, at one sample."""
     count, n_p = params._model.sizes[size], len(params.pulleys)
     if size == "FLOW":
         return ()
@@ -491,7 +491,7 @@ def histories(
     params: Any,
     names: Collection[str] | None = None,
 ) -> dict[str, Any]:
-    """Give the groups by name, from what the core has sampled.
+    """Return the groups by name, from what the core has sampled.
 
     "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Of a run
     that was asked for some outputs only, groups hold these.

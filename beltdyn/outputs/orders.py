@@ -97,7 +97,7 @@ class Source:
 
 
 def belt_rate(result: Sampled, rows: Any = slice(None)) -> Array | None:
-    """Give the belt passing frequency: revolutions of the belt per second, >= 0, (n_t,) [Hz].
+    """Return the belt passing frequency: revolutions of the belt per second, >= 0, (n_t,) [Hz].
 
     The flow of an ALE belt over L. Else the mean speed of the links over the present length of the
     belt. In steady running that is
@@ -112,7 +112,7 @@ def belt_rate(result: Sampled, rows: Any = slice(None)) -> Array | None:
 
 
 def belt_turning(result: Sampled, rows: Any = slice(None)) -> Array | None:
-    """Give :func:`belt_rate` with its sign, positive in the order of the links."""
+    """Return :func:`belt_rate` with its sign, positive in the order of the links."""
     params = result.params
     if result._has("belt.flow"):
         return np.asarray(result.belt.flow[rows] / params.info["length"])
@@ -141,7 +141,7 @@ def _has_links(result: Sampled) -> bool:
 
 
 def sources(result: Sampled, rows: Any = slice(None)) -> tuple[Source, ...]:
-    """Give what repeats itself in a run, over some samples: links, pulleys, the belt.
+    """Return what repeats itself in a run, over some samples: links, pulleys, the belt.
 
     Pulleys that stand still are left out, and a belt that does.
     """
@@ -195,7 +195,7 @@ def _source(name: str, kind: str, t: Array, rate: Array, known: float) -> Source
 
 
 def folded(frequency: Any, rate: float) -> Any:
-    """Give where a frequency [Hz] appears in samples taken at ``rate`` [Hz].
+    """Return where a frequency [Hz] appears in samples taken at ``rate`` [Hz].
 
     Itself up to half the rate, above that mirrored back into 0 ... rate / 2 (aliasing).
     """

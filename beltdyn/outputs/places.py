@@ -64,7 +64,7 @@ class AlongBelt:
 
 
 def routes(params: Params, travel: Array | None) -> tuple[list[Route], Array]:
-    """Give the belt line and the axes (n, n_p, 2) at every sample; one for all if none moves.
+    """Return the belt line and the axes (n, n_p, 2) at every sample; one for all if none moves.
 
     ``travel``: of the mounts (n_t, n_m), None: of a drive without.
     """
@@ -75,7 +75,7 @@ def routes(params: Params, travel: Array | None) -> tuple[list[Route], Array]:
 
 
 def line_parts(line: Route, radii: Array) -> Array:
-    """Give where each wrap begins and ends along the line (n_p, 2) [m]; pulley 0 comes last."""
+    """Return where each wrap begins and ends along the line (n_p, 2) [m]; pulley 0 comes last."""
     arcs = radii * line.wraps
     order = np.roll(np.arange(radii.size), -1)  # span 0, wrap of pulley 1, span 1, ...
     ends = np.cumsum(line.spans + arcs[order])
@@ -85,7 +85,7 @@ def line_parts(line: Route, radii: Array) -> Array:
 
 
 def where(params: Params, points: Array, lines: list[Route], centers: Array) -> Array:
-    """Give the places along the line (n_t, n_b) [m] of points of the belt, in its order.
+    """Return the places along the line (n_t, n_b) [m] of points of the belt, in its order.
 
     Each is projected on the nearest span or wrap; where several are near, as where a belt crosses
     itself, on that to which the chords between the points lead.
@@ -144,7 +144,7 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
 
 
 def _points(params: Params, belt: BeltHistory, group: str, rows: slice) -> Array:
-    """Give where the numbers of a group belong: joints, links, or what contact is reported at."""
+    """Return where the numbers of a group belong: joints, links, or what contact is reported at."""
     if group == "contact":
         return contact_points(params, belt, rows)
     part = coordinates(params, belt, rows)
@@ -184,7 +184,7 @@ def along(
 
 
 def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: Array) -> AlongBelt:
-    """Give what was found, with the names of the parts of the line."""
+    """Return what was found, with the names of the parts of the line."""
     names = params.pulley_names
     spans = [
         span_name(k, names, unnamed=f"span {k} to {(k + 1) % len(names)}")
@@ -197,7 +197,7 @@ def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: A
 
 
 def cell_places(params: Params) -> Array:
-    """Give where the cells of an ALE belt begin along the line, and its length (n_b + 1,) [m].
+    """Return where the cells of an ALE belt begin along the line, and its length (n_b + 1,) [m].
 
     Of each its share of its wrap is the same wherever the axes are.
     """
@@ -213,7 +213,7 @@ def cell_places(params: Params) -> Array:
 def along_cells(
     params: Params, t: Array, name: str, values: Array, places: Array | None
 ) -> AlongBelt:
-    """Give a history of cells in places, linear between their middles and constant in spans.
+    """Return a history of cells in places, linear between their middles and constant in spans.
 
     Velocities and coordinates are those where the cells begin.
     """
@@ -234,7 +234,7 @@ def along_cells(
 
 
 def _part_of(s: Array, wraps: Array) -> NDArray[np.intp]:
-    """Give the part of each place: 2 k, the span that follows pulley k; 2 k + 1, its wrap."""
+    """Return the part of each place: 2 k, the span that follows pulley k; 2 k + 1, its wrap."""
     n_p = len(wraps)
     begun = np.searchsorted(np.roll(wraps, -1, axis=0).ravel(), s, side="right")
     begun = np.minimum(begun, 2 * n_p - 1)  # the end of the line is the end of the last wrap
@@ -243,7 +243,7 @@ def _part_of(s: Array, wraps: Array) -> NDArray[np.intp]:
 
 
 def _moved(s: Array, parts: NDArray[np.intp], wraps: Array, now: Array) -> Array:
-    """Give the places on a line whose axes have moved: at the same share of their part."""
+    """Return the places on a line whose axes have moved: at the same share of their part."""
 
     def edges(of: Array) -> tuple[Array, Array]:
         begins = np.where(np.arange(len(of)) == 0, 0.0, of[:, 1])
@@ -284,7 +284,7 @@ def follow(
 
 
 def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
-    """Give the stress-free length of belt that passes in a second (n_t,) [m/s].
+    """Return the stress-free length of belt that passes in a second (n_t,) [m/s].
 
     Args:
         params: The drive.
@@ -300,7 +300,7 @@ def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
 def momentum_flux(
     params: Params, flow: Array, force: Array, spans: Array, travel: Array | None
 ) -> Array:
-    """Give what the belt's change of momentum takes off the hub loads (n_t, n_p, 2) [N].
+    """Return what the belt's change of momentum takes off the hub loads (n_t, n_p, 2) [N].
 
     ``m c (v_1 d_1 + v_2 d_2)`` with the flow c, the stress-free length that passes in a second, and
     the speeds v = c (1 + T / EA) of the spans beside a pulley, whose directions away from it are d.

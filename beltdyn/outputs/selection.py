@@ -52,7 +52,7 @@ _OF_SPANS = ("contact.pulley", "joints.force")
 
 
 def array_names() -> dict[str, tuple[str, ...]]:
-    """Give what may be asked for, by group: the names of its arrays, as "joints.force"."""
+    """Return what may be asked for, by group: the names of its arrays, as "joints.force"."""
     groups = {
         group: tuple(f"{group}.{name}" for name in kind.array_names())
         for group, kind in GROUPS.items()
@@ -96,7 +96,7 @@ def chosen(outputs: object, ledger: bool, lacks: Collection[str] = ()) -> tuple[
 
 
 def lacking(params: Any) -> frozenset[str]:
-    """Give the outputs, as "contact.slip", that the belt of a drive has none of."""
+    """Return the outputs, as "contact.slip", that the belt of a drive has none of."""
     sizes = params._belt_facts["lacks"]
     return frozenset(f"{group}.{name}" for group, name, size in ROWS if size in sizes)
 
@@ -117,14 +117,14 @@ def _listed() -> str:
 
 
 def has(names: Collection[str] | None, name: str) -> bool:
-    """Tell whether an output is there, of a run of which ``names`` were asked."""
+    """Return whether an output is there, of a run of which ``names`` were asked."""
     if names is None or name in names:
         return True
     return name == SPANS and all(one in names for one in _OF_SPANS)
 
 
 def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
-    """Give the names that the core is asked for."""
+    """Return the names that the core is asked for."""
     if names is None:
         every = {"pulley", *(name for name, *_ in _core.OUTPUTS)}
         needed = every if ledger else every - {LEDGER}
@@ -138,7 +138,7 @@ def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
 def unchecked(
     names: Collection[str] | None, friction: bool, couplings: bool = False
 ) -> tuple[str, ...]:
-    """Give the codes of warnings that are not looked for, for want of outputs.
+    """Return the codes of warnings that are not looked for, for want of outputs.
 
     ``friction``, ``couplings``: whether the drive has any; kinds of warnings concern these drives.
     """

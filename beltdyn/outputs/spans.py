@@ -28,7 +28,7 @@ _POINTS = 21
 
 
 def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Array:
-    """Give the mean joint force of the free span that follows each pulley (n_t, n_p) [N].
+    """Return the mean joint force of the free span that follows each pulley (n_t, n_p) [N].
 
     Only joints between two links that touch nothing count, of a span with a single such link the
     joint before it, and not where links have lifted off within a wrap. Those where a belt with
@@ -71,18 +71,18 @@ class Coordinates(NamedTuple):
 
 
 def coordinates(params: Params, belt: Line, rows: slice) -> Coordinates:
-    """Give those of some samples; phi is not asked for where no place depends on it."""
+    """Return those of some samples; phi is not asked for where no place depends on it."""
     x, y = belt.x[rows], belt.y[rows]
     return Coordinates(x, y, belt.phi[rows] if has_angles(params) else np.zeros_like(x))
 
 
 def has_angles(params: Params) -> bool:
-    """Tell whether the belt's nodes have angles of their own: links have, point masses have not."""
+    """Return whether the belt's nodes have angles: links have, point masses have not."""
     return "phi" in params._belt_facts["fields"]
 
 
 def joint_points(params: Params, belt: Line) -> Array:
-    """Give where the joints are, each on the left of its link (n_t, n_b, 2) [m].
+    """Return where the joints are, each on the left of its link (n_t, n_b, 2) [m].
 
     Between the right end of link i - 1 and the left end of link i; of point masses the middle of
     the bar between them.
@@ -94,14 +94,14 @@ def joint_points(params: Params, belt: Line) -> Array:
 
 
 def of_spans(params: Params, force: Array) -> Array:
-    """Give the tension of each span of an ALE belt, one cell (n_t, n_p), from that of all cells."""
+    """Return the tension of each span of an ALE belt (n_t, n_p), from that of all cells."""
     return np.asarray(force[:, np.flatnonzero(params._cells < 0)])
 
 
 def lines_of_cells(
     params: Params, points: Array, axes: Array, deflection: Array | None
 ) -> list[Array]:
-    """Give the line of each cell of an ALE belt: arcs on pulleys, sine modes in spans [m].
+    """Return the line of each cell of an ALE belt: arcs on pulleys, sine modes in spans [m].
 
     Args:
         params: The drive.
@@ -131,7 +131,7 @@ def lines_of_cells(
 
 
 def mid_span(params: Params, belt: Line, force: Array) -> Array:
-    """Give the joint force in the middle of the free span after each pulley (n_t, n_p) [N].
+    """Return the joint force in the middle of the free span after each pulley (n_t, n_p) [N].
 
     Of the places where the belt crosses the plane through the middle of the span's tangent, across
     it, the nearest counts.

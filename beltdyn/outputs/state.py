@@ -37,7 +37,7 @@ PARTS = tuple(size for size in _FIRST if size not in ("PULLEYS", *ROWS))
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-    """Give every field its converter, and check arrays against the size of x or theta."""
+    """Return every field its converter, and check arrays against the size of x or theta."""
 
     def array(name: str) -> dict[str, Any]:
         like = _FIRST[SIZES[name]]
@@ -252,7 +252,7 @@ class State:
                 )
 
     def tension(self, params: Params) -> Tensions:
-        """Give the tensions of the belt, as a run reports them (``result.span_tension``).
+        """Return the tensions of the belt, as a run reports them (``result.span_tension``).
 
         Args:
             params: The drive.
@@ -268,7 +268,7 @@ class State:
         return Tensions(joints=joints, spans=spans[0], mean=mean)
 
     def at_speed(self, params: Params, omega: ByPulley[float]) -> State:
-        """Give the same state with the belt running, and all pulleys turning with it.
+        """Return the same state with the belt running, and all pulleys turning with it.
 
         The belt circulates along itself at the speed of the pulleys named where it runs on them,
         and the others turn with it. Positions, angles and friction stay as they are: what a running

@@ -239,7 +239,7 @@ class Animation(FuncAnimation):
 def _destination(
     filename: str | os.PathLike[str], writer: AbstractMovieWriter | str
 ) -> AbstractContextManager[Path]:
-    """Give the path to write to: a temporary one, unless a page refers to a folder by its name."""
+    """Return the path to write to: temporary, unless a page refers to a folder by its name."""
     apart = not writer.embed_frames if isinstance(writer, HTMLWriter) else writer == "html"
     return nullcontext(Path(filename)) if apart else files.replacing(filename)
 
@@ -262,7 +262,7 @@ class _FFMpeg(FFMpegWriter):
 
 
 def film_writer(path: str | os.PathLike[str], fps: float = 20.0) -> AbstractMovieWriter:
-    """Give matplotlib's writer for an animation with this ending.
+    """Return matplotlib's writer for an animation with this ending.
 
     Raises:
         ValueError: The ending is none of :data:`ENDINGS`.

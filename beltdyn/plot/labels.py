@@ -101,7 +101,7 @@ def place_names(
 
 
 def per_unit(ax: Axes) -> float:
-    """Give the points on paper to a unit of length in axes to scale."""
+    """Return the points on paper to a unit of length in axes to scale."""
     ends = ax.transData.transform([(0.0, 0.0), (1.0, 0.0)])
     return float(abs(ends[1, 0] - ends[0, 0]) * 72.0 / ax.figure.figure.dpi)
 
@@ -196,7 +196,7 @@ def _astray(k: int, at: Array, rims: Array, box: Bbox, line: Array) -> int:
 
 
 def _offsets(rim: float, half: Array) -> list[Array]:
-    """Give places beside a rim, from the middle of the pulley to that of the text [points]."""
+    """Return places beside a rim, from the middle of the pulley to that of the text [points]."""
     angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
     return [
         np.array([np.cos(angle), np.sin(angle)]) * (rim + distance + half)
@@ -209,7 +209,7 @@ def _offsets(rim: float, half: Array) -> list[Array]:
 def _cost(
     box: Bbox, line: Array, at: Array, rims: Array, taken: Sequence[Bbox], frame: Bbox
 ) -> float:
-    """Give how much a box covers, weighted: texts, belt, pulleys, the edge of the axes."""
+    """Return how much a box covers, weighted: texts, belt, pulleys, the edge of the axes."""
     texts = sum(box.overlaps(other) for other in taken)
     belt = box.count_contains(line)
     nearest = np.clip(at, box.min, box.max)
@@ -219,7 +219,7 @@ def _cost(
 
 
 def _dense(line: Array) -> Array:
-    """Give points along a closed polyline, two points apart at most."""
+    """Return points along a closed polyline, two points apart at most."""
     ends = np.roll(line, -1, axis=0)
     counts = np.ceil(np.hypot(*(ends - line).T) / 2.0).astype(int) + 1
     return np.concatenate(

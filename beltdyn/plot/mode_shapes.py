@@ -45,7 +45,7 @@ class _ModePicture:
             )
 
     def _line(self, points: Array, axes: Array, deflection: Array | None = None) -> Array:
-        """Give the closed line of the belt (2, n) through links, or where cells begin (2, n_b)."""
+        """Return the closed belt line (2, n) through links, or where cells begin (2, n_b)."""
         if self.params._belt_facts["flows"]:
             points = np.vstack(lines_of_cells(self.params, points.T, axes, deflection)).T
         return np.hstack([points, points[:, :1]])
@@ -75,7 +75,7 @@ class _ModePicture:
         return np.asarray(self.centers + self.scale * step / h)
 
     def mark(self, k: int, turn: float, center: Array) -> Array:
-        """Give a radius of a pulley as a line."""
+        """Return a radius of a pulley as a line."""
         reach = self.params.pulleys[k].radius * np.array([-np.sin(turn), np.cos(turn)])
         return np.column_stack([center + 0.35 * reach, center + reach])
 

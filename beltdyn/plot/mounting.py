@@ -28,7 +28,7 @@ _ARROW: dict[str, Any] = {"arrowstyle": "-|>", "color": "0.35", "lw": 1.4, "muta
 
 
 def _drawn(pulleys: Iterable[Pulley]) -> list[tuple[int, str, Array]]:
-    """Give the parts of mounts: index of the pulley, style, points."""
+    """Return the parts of mounts: index of the pulley, style, points."""
     return [
         (k, part, points)
         for k, pulley in enumerate(pulleys)
@@ -64,7 +64,7 @@ class MountPicture:
 
     @staticmethod
     def reach(pulleys: Iterable[Pulley]) -> Array:
-        """Give points that a picture must hold besides belt and pulleys: pivots, tips (n, 2)."""
+        """Return points that a picture must hold besides belt and pulleys: pivots, tips (n, 2)."""
         held = [points for _, part, points in _drawn(pulleys) if part != "way"]
         return np.concatenate([np.empty((0, 2)), *held])
 

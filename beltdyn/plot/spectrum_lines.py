@@ -121,7 +121,7 @@ def spectrum(
 
 
 def _title(found: Spectrum, ax: Axes, marks: bool) -> str:
-    """Say what the window shows and, where lines are named, what keeps others from having names."""
+    """Describe what the window shows and, where lines are named, why others have no names."""
     said = [
         f"{found.begin:.3g} to {found.end:.3g} s, lines closer than {found.resolution:.2g} Hz merge"
     ]

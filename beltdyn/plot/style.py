@@ -67,7 +67,7 @@ class OwnFigure(Figure):
         self._frozen = True
 
     def get_layout_engine(self) -> LayoutEngine | None:
-        """Give what lays out the figure, None once that is done."""
+        """Return what lays out the figure, None once that is done."""
         return None if self._frozen else super().get_layout_engine()
 
     def _repr_png_(self) -> bytes:
@@ -82,18 +82,18 @@ def new_figure(width: float = 6.4, height: float = 4.0, dpi: float | None = None
 
 
 def plain(name: str) -> str:
-    """Give a name as matplotlib shows it: no formula, nor left out of legends."""
+    """Return a name as matplotlib shows it: no formula, nor left out of legends."""
     shown = name.replace("$", r"\$")
     return f"pulley {shown}" if shown.startswith("_") else shown
 
 
 def title(k: int, pulley: Pulley) -> str:
-    """Give what stands on a pulley in a picture: its name, a word a line, or its number."""
+    """Return what stands on a pulley in a picture: its name, a word a line, or its number."""
     return str(k) if pulley.name is None else plain(pulley.name).replace(" ", "\n")
 
 
 def axes(ax: Axes | None, height: float = 4.0) -> Axes:
-    """Give the axes to draw into, those of a new figure of this height [inch] for None.
+    """Return the axes to draw into, those of a new figure of this height [inch] for None.
 
     Raises:
         TypeError: Not axes.
@@ -106,7 +106,7 @@ def axes(ax: Axes | None, height: float = 4.0) -> Axes:
 
 
 def height_to_scale(extent: Array, beside: float, below: float) -> float:
-    """Give the height [inch] of a figure of 6.4 inches that a picture to scale fills.
+    """Return the height [inch] of a figure of 6.4 inches that a picture to scale fills.
 
     Args:
         extent: Width and height of what is drawn, in one unit.
@@ -117,12 +117,12 @@ def height_to_scale(extent: Array, beside: float, below: float) -> float:
 
 
 def line_style(k: int) -> dict[str, Any]:
-    """Give colour and dashes of the k-th line."""
+    """Return colour and dashes of the k-th line."""
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
 
 
 def tint(k: int) -> tuple[float, float, float, float]:
-    """Give the light colour of the k-th area."""
+    """Return the light colour of the k-th area."""
     return to_rgba(COLOURS[k % len(COLOURS)], 0.25)
 
 
@@ -162,12 +162,12 @@ def add_headroom(ax: Axes, rows: int) -> None:
 
 
 def _share(ax: Axes, rows: int) -> float:
-    """Give the share of the height of the axes that rows of small text take."""
+    """Return the share of the height of the axes that rows of small text take."""
     return (1.5 * rows + 0.8) * _points("small") / _height(ax)
 
 
 def _root(ax: Axes) -> Figure:
-    """Give the figure, of a subfigure the one that holds it."""
+    """Return the figure, of a subfigure the one that holds it."""
     figure: Figure = ax.figure.figure
     return figure
 
@@ -181,7 +181,7 @@ def _points(size: str) -> float:
 
 
 def _legend_below() -> float:
-    """Give how far below the axes a legend begins [pt]: below ticks, their numbers, the label."""
+    """Return how far below the axes a legend begins [pt]: below ticks, their numbers, the label."""
     return 11.0 + 2.5 * _points("medium")
 
 
@@ -233,7 +233,7 @@ def settle_layout(ax: Axes) -> None:
 
 
 def room_below(ax: Axes, rows: int) -> dict[str, float]:
-    """Give the ``pad`` of a colour bar below a legend in figures without a layout engine."""
+    """Return the ``pad`` of a colour bar below a legend in figures without a layout engine."""
     if _root(ax).get_layout_engine() is not None:
         return {}
     points = _legend_below() + (1.6 * rows + 1.3) * _points("small")

@@ -198,7 +198,7 @@ def _told(part: Any, by: str | None) -> _By:
 
 
 def _lines(part: Any, quantity: str, along: str, scale: swept.Scale, told: _By) -> Iterator[_Line]:
-    """Give the lines; runs at random as one for each value of ``by``."""
+    """Yield the lines; runs at random as one for each value of ``by``."""
     array, order, x = part[quantity], scale.order, scale.values
     by = None if told.scale is None else told.scale.name
     if along in array.dims:
@@ -232,7 +232,7 @@ def _map() -> ListedColormap:
 
 
 def _colours(told: _By) -> Any:
-    """Give the colour of a rank."""
+    """Return the colour of a rank."""
     if told.scale is None or told.scale.texts is not None:
         return lambda rank: style.COLOURS[rank % len(style.COLOURS)]
     distinct = np.unique(told.scale.values)
@@ -265,7 +265,7 @@ def _colour_bar(ax: Axes, scale: swept.Scale) -> None:
 
 
 def _of_texts(told: _By, colour_of: Any) -> list[Artist]:
-    """Give the handles of lines that are told apart by texts."""
+    """Return the handles of lines that are told apart by texts."""
     if told.scale is None or told.scale.texts is None:
         return []
     return [

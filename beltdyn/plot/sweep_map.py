@@ -157,7 +157,7 @@ def _cells(
 
 
 def _sorted(array: Any, scales: list[swept.Scale]) -> Any:
-    """Give values as rows of y, columns of x, both rising."""
+    """Return values as rows of y, columns of x, both rising."""
     x, y = scales
     return array.transpose(y.name, x.name).values[np.ix_(y.order, x.order)]
 

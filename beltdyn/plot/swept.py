@@ -77,7 +77,7 @@ def check(dataset: object, quantity: object) -> Any:
 
 
 def swept_names(dataset: Any) -> list[str]:
-    """Give the names that were swept: dimensions of a grid, of others coordinates of the runs."""
+    """Return the names that were swept: dimensions of a grid, of others coordinates of the runs."""
     dims = [str(dim) for dim in dataset["status"].dims]
     if dims == ["run"]:
         along = [name for name, one in dataset.coords.items() if one.dims == ("run",)]
@@ -86,12 +86,12 @@ def swept_names(dataset: Any) -> list[str]:
 
 
 def own_names(dataset: Any, array: Any) -> list[str]:
-    """Give the dimensions that a quantity has of its own, such as "pulley"."""
+    """Return the dimensions that a quantity has of its own, such as "pulley"."""
     return [str(dim) for dim in array.dims if dim not in dataset["status"].dims]
 
 
 def choose(dataset: Any, quantity: str, at: object) -> tuple[Any, str]:
-    """Give the part of a sweep at some values, with this quantity alone, and these as a text.
+    """Return the part of a sweep at some values, with this quantity alone, and these as a text.
 
     Args:
         dataset: That has been checked.
@@ -145,7 +145,7 @@ def _index(part: Any, name: str, value: Any) -> int:
 
 
 def label(array: Any) -> str:
-    """Give what stands at an axis: the text of the array, or its name, and the unit."""
+    """Return what stands at an axis: the text of the array, or its name, and the unit."""
     unit = str(array.attrs.get("units", ""))
     return _word(array) + (f" [{style.plain(unit)}]" if unit else "")
 
@@ -157,7 +157,7 @@ def _word(array: Any) -> str:
 
 
 def value_text(array: Any, k: int) -> str:
-    """Give the k-th value of a coordinate with its unit."""
+    """Return the k-th value of a coordinate with its unit."""
     value = array.values[k]
     if array.dtype.kind not in "iuf":
         return style.plain(str(value))
@@ -189,13 +189,13 @@ class Scale:
     log: bool
 
     def places(self) -> Array:
-        """Give the places in the order of the coordinate (n,)."""
+        """Return the places in the order of the coordinate (n,)."""
         places = np.empty(self.values.size)
         places[self.order] = self.values
         return places
 
     def edges(self) -> Array:
-        """Give the edges of cells round the places (n + 1,), half way between them."""
+        """Return the edges of cells round the places (n + 1,), half way between them."""
         at = np.log(self.values) if self.log else self.values
         if at.size == 1:
             half = 0.5 if self.texts or at[0] == 0.0 else 0.05 * abs(at[0])
@@ -215,7 +215,7 @@ class Scale:
 
 
 def scale_of(dataset: Any, name: str) -> Scale:
-    """Give the scale of a coordinate, or of the numbers along a dimension without one."""
+    """Return the scale of a coordinate, or of the numbers along a dimension without one."""
     if name not in dataset.coords:
         values = np.arange(dataset.sizes[name], dtype=np.float64)
         order = np.arange(values.size)

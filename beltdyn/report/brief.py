@@ -42,7 +42,7 @@ _LOSSES, _SMALL = 3, 1e-3
 
 
 def lines(report: Told) -> list[str]:
-    """Give the lines of the first screen: at most 39, none longer than 100 characters."""
+    """Return the lines of the first screen: at most 39, none longer than 100 characters."""
     above = [one for told in opening(report) for one in _wrapped(told)]
     below = ["", *(one for told in _closing(report) for one in _wrapped(told))]
     shown = [(table, _remarks(table)) for table in _tables(report)]
@@ -57,7 +57,7 @@ def lines(report: Told) -> list[str]:
 
 
 def html(report: Told) -> str:
-    """Give the first screen as HTML, and all of the report behind a word that opens it."""
+    """Return the first screen as HTML, and all of the report behind a word that opens it."""
     parts = [
         *paragraphs(opening(report)),
         *text.of_tables(_tables(report)),
@@ -92,7 +92,7 @@ def _columns(table: Table, most: int) -> list[str]:
 
 
 def _tables(report: Told) -> Iterator[Table]:
-    """Give the tables of pulleys, spans and mounts, without columns that say nothing."""
+    """Yield the tables of pulleys, spans and mounts, without columns that say nothing."""
     for table in (_pulleys(report), _spans(report), _mounts(report)):
         kept = [
             k
@@ -150,7 +150,7 @@ def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
 
 
 def _of_creep(report: Told) -> float | None:
-    """Give the error of the speeds lost, which is relative to the largest [%]."""
+    """Return the error of the speeds lost, which is relative to the largest [%]."""
     largest = max((abs(one.slower) for one in report.creep), default=0.0)
     return report.creep_error and 100.0 * largest * report.creep_error
 
@@ -217,7 +217,7 @@ def _mounts(report: Told) -> Table:
 
 
 def _closing(report: Told) -> Iterator[str]:
-    """Say in a sentence each: slip, power, errors, warnings, what else there is."""
+    """Describe in a sentence each: slip, power, errors, warnings, what else there is."""
     yield from (f"Slip: {one}" for one in text.slips(report))
     if report.powers:
         yield f"Power: {_balance(report)}."
@@ -268,7 +268,7 @@ def _balance(report: Told) -> str:
 
 
 def _unit(put_in: float, error: float | None) -> float:
-    """Give the place to which what is put in is shown: half of it is lost at either end."""
+    """Return the place to which what is put in is shown: half of it is lost at either end."""
     shown, places = rounded(put_in, error and error * put_in)
     return 10.0 ** (math.floor(math.log10(shown)) + 1 - places)
 

@@ -48,7 +48,7 @@ class _Of(NamedTuple):
 
 
 def least_speed(window: Window) -> float:
-    """Give the speed of the belt below which it stands still [m/s]."""
+    """Return the speed of the belt below which it stands still [m/s]."""
     radii = np.array([pulley.radius for pulley in window.params.pulleys])
     most = float(np.max(np.abs(window.run.pulleys.omega) * radii, initial=0.0))
     return max(STANDS * most, float(window.params.info["drag_speed"]))
@@ -79,7 +79,7 @@ def driving(window: Window, torque: Array | None) -> int | None:
 
 
 def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Creep], list[str]]:
-    """Give the rows of all pulleys but the driving one, and what is missing."""
+    """Return the rows of all pulleys but the driving one, and what is missing."""
     params, notes = window.params, []
     names = params.pulley_names
     kept = window.run._rims()

@@ -99,7 +99,7 @@ def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
 
 
 def _gone(window: Window, driver: int) -> Array:
-    """Give the rounds of the belt from each sample of the run to its end (n_t,)."""
+    """Return the rounds of the belt from each sample of the run to its end (n_t,)."""
     run, params = window.run, window.params
     rim = np.abs(run.pulleys.omega[:, driver]) * params.pulleys[driver].radius
     steps = 0.5 * np.diff(run.t) * (rim[1:] + rim[:-1]) / float(params.info["path_length"])

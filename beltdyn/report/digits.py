@@ -56,7 +56,7 @@ ROUNDING = 1e-9
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Give a number with that many digits, none as an exponent where it can be read without."""
+    """Return a number with that many digits, none as an exponent where it can be read without."""
     if value is None or math.isnan(value):
         return NONE
     if math.isinf(value):
@@ -71,19 +71,19 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def within(value: float | None, error: float | None, digits: int = 4) -> str:
-    """Give a number with the digits that its error leaves it, at most so many."""
+    """Return a number with the digits that its error leaves it, at most so many."""
     if value is None or not math.isfinite(value):
         return number(value)
     return signed(number(*rounded(value, error, digits)))
 
 
 def signed(shown: str) -> str:
-    """Give a number without the sign of a zero."""
+    """Return a number without the sign of a zero."""
     return shown.removeprefix("-") if not shown.strip("-0.") else shown
 
 
 def percent(share: float | None, decimals: int = 1) -> str:
-    """Give a share in percent."""
+    """Return a share in percent."""
     return NONE if share is None else signed(f"{100.0 * share:.{decimals}f}")
 
 
@@ -102,7 +102,7 @@ def placed(
     ends: Spread | None = None,
     size: float | None = None,
 ) -> tuple[str, str, str]:
-    """Give mean, least and most, all to the place that an error leaves.
+    """Return mean, least and most, all to the place that an error leaves.
 
     Args:
         value: What is told.
@@ -129,12 +129,12 @@ def placed(
 
 
 def between(ends: Sequence[str]) -> str:
-    """Give a range from its least and most."""
+    """Return a range from its least and most."""
     return NONE if NONE in ends else " to ".join(ends)
 
 
 def tension_off(report: Told) -> float | None:
-    """Give the error of mean tensions, a share of the mean of all spans [N]; None: not known."""
+    """Return the error of mean tensions, a share of the mean of all spans [N]; None: not known."""
     means = [row.tension.mean for row in report.spans if row.tension is not None]
     means = [one for one in means if math.isfinite(one)]  # of a span that is there
     if not means or report.tension_error is None:
@@ -145,7 +145,7 @@ def tension_off(report: Told) -> float | None:
 def of_tension(
     report: Told, value: Spread | None, spans: float = 1.0, ends: Spread | None = None
 ) -> tuple[str, str, str]:
-    """Give mean, least and most of so many spans' tensions.
+    """Return mean, least and most of so many spans' tensions.
 
     All have the place that the error leaves the mean, so that this is not beyond its own ends.
     """
@@ -156,7 +156,7 @@ def of_tension(
 
 
 def speed_errors(accuracy: Accuracy, speeds: Array, prescribed: NDArray[np.bool_]) -> Array:
-    """Give the errors of the mean speeds of pulleys (n_p,) [rad/s].
+    """Return the errors of the mean speeds of pulleys (n_p,) [rad/s].
 
     Those that are prescribed have none; beside one the others are off by a creep at most.
     """
@@ -166,7 +166,7 @@ def speed_errors(accuracy: Accuracy, speeds: Array, prescribed: NDArray[np.bool_
 
 
 def _of_loads(accuracy: Accuracy) -> float:
-    """Give the error of speeds and torques that loads and losses decide, a share of each [1].
+    """Return the error of speeds and torques that loads and losses decide, a share of each [1].
 
     What is lost on the way of the power shifts the speed at which loads balance, and the torque
     that a prescribed speed needs.
@@ -175,12 +175,12 @@ def _of_loads(accuracy: Accuracy) -> float:
 
 
 def given(value: Spread | None) -> bool:
-    """Tell what is set, a constant torque: a result of links varies by more."""
+    """Return what is set, a constant torque: a result of links varies by more."""
     return value is not None and value.most - value.least <= ROUNDING * abs(value.mean)
 
 
 def of_speed(report: Told, row: PulleyRow) -> float:
-    """Give the error of a pulley's speed [1]: beside a prescribed one at most what it loses."""
+    """Return the error of a pulley's speed [1]: beside a prescribed one at most what it loses."""
     if row.prescribed:
         return 0.0
     slower = [abs(one.slower) for one in report.creep if one.name == row.name]
@@ -188,34 +188,34 @@ def of_speed(report: Told, row: PulleyRow) -> float:
 
 
 def _led(report: Told) -> bool:
-    """Tell whether the speed of the driving pulley is prescribed."""
+    """Return whether the speed of the driving pulley is prescribed."""
     return any(row.prescribed for row in report.pulleys if row.name == report.driver)
 
 
 def torque(report: Told, row: PulleyRow) -> tuple[str, str, str]:
-    """Give mean, least and most of the torque that is set, or that a speed needs."""
+    """Return mean, least and most of the torque that is set, or that a speed needs."""
     return placed(row.torque, 0.0 if given(row.torque) else _of_loads(report.accuracy))
 
 
 def windup(report: Told, row: PulleyRow) -> tuple[str, str, str]:
-    """Give mean, least and most of the windup of a coupling in degrees, in error as its torque."""
+    """Return mean, least and greatest windup of a coupling [deg], with the error of its torque."""
     return placed(row.windup, _of_loads(report.accuracy), math.degrees(1.0))
 
 
 def belt_torque(report: Told, row: PulleyRow) -> str:
-    """Give the torque of the belt on a pulley, of an idler too with the error of the largest."""
+    """Return the torque of the belt on a pulley, of an idler too with the error of the largest."""
     largest = max((abs(one.belt_torque or 0.0) for one in report.pulleys), default=0.0)
     return within(row.belt_torque, _of_loads(report.accuracy) * largest)
 
 
 def belt_speed(report: Told) -> str:
-    """Give the size of the belt's speed, off by a creep from one that is given."""
+    """Return the size of the belt's speed, off by a creep from one that is given."""
     speed, share = abs(report.belt_speed or 0.0), _of_loads(report.accuracy)
     return within(speed, speed * (min(share, CREEPS) if _led(report) else share))
 
 
 def of_grip(report: Told) -> float | None:
-    """Give the error of what friction can hold, of tensions less rho v^2 [1]; None: not known."""
+    """Return the error of what friction can hold, of tensions less rho v^2 [1]; None: not known."""
     off = tension_off(report)
     pulls = [one for row in report.pulleys for one in (row.tight, row.slack) if one is not None]
     if off is None or not pulls or not sum(pulls) > 0.0:
@@ -224,7 +224,7 @@ def of_grip(report: Told) -> float | None:
 
 
 def margin(report: Told, value: float | None) -> str:
-    """Give a margin of torque, which is in error as what friction can hold: to two decimals."""
+    """Return a margin of torque, which is in error as what friction can hold: to two decimals."""
     if value is None or not math.isfinite(value):
         return NONE if value is None else "later"
     if not value > 0.0:
@@ -234,12 +234,12 @@ def margin(report: Told, value: float | None) -> str:
 
 
 def ratio(report: Told, row: PulleyRow) -> str:
-    """Give a ratio of tensions."""
+    """Return a ratio of tensions."""
     return within(row.ratio, _of_ratio(report, row), 3)
 
 
 def _of_ratio(report: Told, row: PulleyRow) -> float | None:
-    """Give the error of a ratio of tensions, both of which are off by the same; None: not known."""
+    """Return the error of a ratio of tensions that are off by the same; None: not known."""
     off = tension_off(report)
     if row.ratio is None or off is None or not row.slack:
         return None
@@ -247,7 +247,7 @@ def _of_ratio(report: Told, row: PulleyRow) -> float | None:
 
 
 def used(report: Told, row: PulleyRow) -> tuple[str, str, str]:
-    """Give the friction in use, the logarithm of a ratio, in percent, and its least and most.
+    """Return the friction in use, the logarithm of a ratio, in percent, and its least and most.
 
     The most of it is "slack" where it is infinite.
     """
@@ -260,7 +260,7 @@ def used(report: Told, row: PulleyRow) -> tuple[str, str, str]:
 
 
 def string_frequency(report: Told, row: SpanRow, digits: int = 4) -> str:
-    """Give the frequency of a span as a moving string: the root of its tension less rho v^2."""
+    """Return the frequency of a span as a moving string: the root of its tension less rho v^2."""
     off = tension_off(report)
     if row.lateral is None or row.tension is None or off is None:
         return number(row.lateral, 2)
@@ -269,7 +269,7 @@ def string_frequency(report: Told, row: SpanRow, digits: int = 4) -> str:
 
 
 def line_frequency(report: Told, row: SpanRow | MountRow) -> str:
-    """Give the frequency of a line, of what swings under the belt's tension."""
+    """Return the frequency of a line, of what swings under the belt's tension."""
     share = report.tension_error
     if row.frequency is None:
         return NONE
@@ -277,7 +277,7 @@ def line_frequency(report: Told, row: SpanRow | MountRow) -> str:
 
 
 def power(report: Told, value: Spread | None) -> str:
-    """Give a pulley's power, whose error is a share of the largest."""
+    """Return a pulley's power, whose error is a share of the largest."""
     if value is None or not value.mean:
         return number(None if value is None else value.mean)
     largest = max(abs(row.power.mean) for row in report.pulleys if row.power is not None)
@@ -286,7 +286,7 @@ def power(report: Told, value: Spread | None) -> str:
 
 
 def loss(report: Told, power: float, value: float | None = None) -> str:
-    """Give what is lost, in all or by one cause, which is off by no more than all of it.
+    """Return what is lost, in all or by one cause, which is off by no more than all of it.
 
     Args:
         report: The report.
@@ -300,7 +300,7 @@ def loss(report: Told, power: float, value: float | None = None) -> str:
 
 
 def lost(report: Told) -> tuple[str, bool]:
-    """Say what is lost in all, and whether more than its error and what the ledger lacks.
+    """Describe what is lost in all, and whether more than its error and what the ledger lacks.
 
     Friction gives back what it had stored where links stick; dampers give nothing back.
     """
@@ -315,13 +315,13 @@ def lost(report: Told) -> tuple[str, bool]:
 
 
 def slip_torque(report: Told, row: PulleyRow) -> str:
-    """Give the torque at which a pulley slips in full."""
+    """Return the torque at which a pulley slips in full."""
     share = of_grip(report)
     return within(row.slip_torque, share and share * abs(row.slip_torque or 0.0))
 
 
 def slip_arc(row: PulleyRow) -> tuple[str, str]:
-    """Give the arc of slip and its error in degrees, to tenths where that leaves them."""
+    """Return the arc of slip and its error in degrees, to tenths where that leaves them."""
     if row.slip_arc is None or row.slip_error is None:
         return NONE, NONE
     arc, off = math.degrees(row.slip_arc), math.degrees(row.slip_error)
@@ -330,13 +330,13 @@ def slip_arc(row: PulleyRow) -> tuple[str, str]:
 
 
 def at_rest(report: Told) -> str:
-    """Give the mean tension at rest, which the mesh knows no worse than that of the run."""
+    """Return the mean tension at rest, which the mesh knows no worse than that of the run."""
     share = report.tension_error
     return within(report.rest_tension, share and share * abs(report.rest_tension or 0.0))
 
 
 def history_off(report: Told) -> float | None:
-    """Give the error of tensions over time [N]; None: not known."""
+    """Return the error of tensions over time [N]; None: not known."""
     off, share = tension_off(report), report.accuracy["tension"].known
     return off and share and off * share / (report.tension_error or share)
 
@@ -344,13 +344,13 @@ def history_off(report: Told) -> float | None:
 def of_mount(
     report: Told, row: MountRow, value: Spread | None, scale: float = 1.0
 ) -> tuple[str, str, str]:
-    """Give travels or forces of a mount, which the belt of two spans moves; paths are given."""
+    """Return travels or forces of a mount, which the belt of two spans moves; paths are given."""
     share = report.tension_error and 2.0 * report.tension_error
     return placed(value, share if KINDS[row.kind].moves else 0.0, scale)
 
 
 def speed_ratio(report: Told, row: Creep) -> str:
-    """Give the ratio of speeds: of a creep whose error is not known all may be wrong."""
+    """Return the ratio of speeds: of a creep whose error is not known all may be wrong."""
     largest = max((abs(one.slower) for one in report.creep), default=0.0)
     lost = abs(row.slower) if report.creep_error is None else largest * report.creep_error
     return within(row.ratio, lost * abs(row.ratio))

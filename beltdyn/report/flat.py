@@ -116,7 +116,7 @@ def _unit(row: Any, field: str) -> str:
 
 
 def numbers(report: Told) -> list[Number]:
-    """Give all that is known, angles in rad: part, name, quantity, unit, value, text.
+    """Return all that is known, angles in rad: part, name, quantity, unit, value, text.
 
     Of the run itself as part "report": its window, driver and belt speed, whether it is steady, the
     notes and warnings. A text has the value NaN; yes and no are 1 and 0, with the text.

@@ -19,7 +19,7 @@ _OF_MIDDLE = ("belt.x", "belt.y", "belt.phi", "joints.force")
 
 
 def middles(window: Window) -> Array | None:
-    """Give the tension in the middle of each span (n_w, n_p) [N]; None: outputs are missing.
+    """Return the tension in the middle of each span (n_w, n_p) [N]; None: outputs are missing.
 
     NaN where the belt is not there, as in a span shorter than a link.
     """
@@ -35,7 +35,7 @@ def middles(window: Window) -> Array | None:
 
 
 def hub_statics(window: Window) -> Array | None:
-    """Give what the belt pulls at each pulley, from the middle of one span to that of the next.
+    """Return what the belt pulls at each pulley, from the middle of one span to that of the next.
 
     (T_1 - rho v^2) d_1 + (T_2 - rho v^2) d_2 by the tensions there and the directions of the belt
     line, at every sample, and the weight of that belt. The forces of contact, ``pulleys.load``,

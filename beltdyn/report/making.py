@@ -136,7 +136,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
 
 
 def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
-    """Give the driving pulley and the speed that others lose against it, as a report has them.
+    """Return the driving pulley and the speed that others lose against it, as a report has them.
 
     Returns:
         "" and no rows if it cannot be told.
@@ -154,7 +154,7 @@ def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
 
 
 def _turns(window: Window) -> list[str]:
-    """Say where the window holds so few turns of a pulley that means are of broken periods."""
+    """Describe where the window holds so few turns of a pulley that means are of broken periods."""
     run = window.run
     if not run._has("pulleys.omega"):
         return []
@@ -172,7 +172,7 @@ def _turns(window: Window) -> list[str]:
 
 
 def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
-    """Tell where the belt's bending stiffness, which limits and margins leave out, matters.
+    """Return where the belt's bending stiffness, which limits and margins leave out, matters.
 
     The belt leaves the rim at an angle sqrt(EI/T)/r to its span. There it is pressed on the rim by
     as much as on the arc that this takes off, but pulled along the rim by the component of the
@@ -196,18 +196,18 @@ def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
 
 
 def _belt_speed(window: Window, touched: Touching) -> float:
-    """Give the mean speed of the belt, along the order of its links [m/s]."""
+    """Return the mean speed of the belt, along the order of its links [m/s]."""
     return touched.speed * float(window.mean(touched.stretch.mean(axis=1)))
 
 
 def _mass_tension(window: Window, touched: Touching) -> float:
-    """Give rho v^2 of the stretched belt [N]."""
+    """Return rho v^2 of the stretched belt [N]."""
     stretch = float(window.mean(touched.stretch.mean(axis=1)))
     return float(window.params.belt.linear_density * touched.speed**2 * stretch)
 
 
 def _belt_speeds(window: Window, touched: Touching) -> Spread | None:
-    """Give the same with its range."""
+    """Return the same with its range."""
     smooth = window.smoothed(touched.speeds[:, None], touched.passing(window))[:, 0]
     found = spread(window, smooth * touched.stretch.mean(axis=1))
     return None if found is None else attrs.evolve(found, mean=_belt_speed(window, touched))

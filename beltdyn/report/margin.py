@@ -114,18 +114,18 @@ class _Theory:
         self.offset = self._misfit(self.start(), 1.0)
 
     def start(self) -> Array:
-        """Give the unknowns of the mean state: tension of the last span, travels."""
+        """Return the unknowns of the mean state: tension of the last span, travels."""
         return np.concatenate([self.steady.tension[-1:], self.steady.travel[self.free]])
 
     def less_mass(self, tension: Array, speed: float) -> Array:
         return np.asarray(tension - self.density * speed**2 * (1.0 + tension / self.stiffness))
 
     def speed_at(self, arriving: float) -> float:
-        """Give the speed of the belt when it arrives at the driving pulley with this tension."""
+        """Return the speed of the belt when it arrives at the driving pulley with this tension."""
         return float(self.steady.speed * self.stretch_in / (1.0 + arriving / self.stiffness))
 
     def tensions(self, last: float, factor: float) -> tuple[Array, float]:
-        """Give the tensions of all spans from that of the last one, and the belt's speed.
+        """Return the tensions of all spans from that of the last one, and the belt's speed.
 
         Raises:
             ValueError: A span would be slack.
@@ -143,7 +143,7 @@ class _Theory:
         return tension, speed
 
     def _tightest(self, factor: float) -> float:
-        """Give a tension of the last span with which none is slack, to start from [N]."""
+        """Return a tension of the last span with which none is slack, to start from [N]."""
         steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
         mass = self.density * self.steady.speed**2
         spare = 0.02 * float(self.steady.tension.mean())
@@ -160,7 +160,7 @@ class _Theory:
         return self.params.centers(full)
 
     def _misfit(self, unknown: Array, factor: float) -> Array:
-        """Give what length and mounts lack, against the mean state: relative, and over tension."""
+        """Return the residuals of length (relative) and of mounts (over the tension)."""
         travels = unknown[1:]
         tension, speed = self.tensions(float(unknown[0]), factor)
         way = self.route(travels)
@@ -177,7 +177,7 @@ class _Theory:
         return np.array(misfit) - self.offset
 
     def _spring(self, m: int, mount: Sprung, travel: float) -> float:
-        """Give what spring and stops do to a mount, in the sense of its travel."""
+        """Return what spring and stops do to a mount, in the sense of its travel."""
         force = mount.spring_force - mount.stiffness * travel
         if mount.stops is not None:
             lowest, highest = mount.stops
@@ -187,7 +187,7 @@ class _Theory:
         return force
 
     def slip_angles(self, pull: Array) -> Array:
-        """Give the angle of slip that each pulley needs; infinite where it has no friction.
+        """Return the angle of slip that each pulley needs; infinite where it has no friction.
 
         Raises:
             ValueError: A span is slack.
@@ -198,7 +198,7 @@ class _Theory:
         return np.divide(logs, self.mu, out=np.where(logs > 0.0, np.inf, 0.0), where=self.mu > 0.0)
 
     def _on_pulleys(self, tension: Array, pull: Array, speed: float, way: Route) -> float:
-        """Give the stress-free length of the belt on the pulleys [m]."""
+        """Return the stress-free length of the belt on the pulleys [m]."""
         mass = self.density * speed**2
         first, last = pull[self.before], pull
         if self.arrives == 0:
@@ -219,7 +219,7 @@ class _Theory:
         return float(np.sum(sticking + slip * (inside @ (0.5 * _WEIGHT))))
 
     def solve(self, factor: float, start: Array) -> Array:
-        """Give the unknowns at a factor, by Newton's method with differences.
+        """Return the unknowns at a factor, by Newton's method with differences.
 
         Raises:
             ValueError: There is no such state: a span would be slack, the belt off a pulley.
@@ -326,7 +326,7 @@ def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
 def _march(
     theory: _Theory, holds: list[int], of_them: Callable[[Any], Any], coarse: bool
 ) -> list[_State]:
-    """Give states at factors from 0 on, to where all or any of these slip or a span goes slack.
+    """Return states at factors from 0 on, to where all or any of these slip or a span goes slack.
 
     Of a single pulley coarse steps are enough: the span that goes slack is not its own, or it slips
     before.

@@ -30,7 +30,7 @@ _FORCES = {
 def mount_rows(
     window: Window, statics: Array | None, passing: float
 ) -> tuple[list[MountRow], list[str]]:
-    """Give the rows, and what is missing in them.
+    """Return the rows, and what is missing in them.
 
     Args:
         window: The part of the run.
@@ -77,7 +77,7 @@ def mount_rows(
 
 
 def _there(mount: Sprung, field: str) -> bool:
-    """Tell whether a mount has a part at all."""
+    """Return whether a mount has a part at all."""
     if field == "spring":
         return bool(mount.stiffness or mount.spring_force or mount._hung)
     if field in ("damper", "friction"):

@@ -33,7 +33,7 @@ STORED = 0.01
 def power_rows(
     window: Window, touching: Touching | None
 ) -> tuple[list[Power], float | None, float | None, list[str]]:
-    """Give the rows, the efficiency, its error and what is missing.
+    """Return the rows, the efficiency, its error and what is missing.
 
     Losses and the change of what is stored are differences of the ledger over the window, exact but
     for its residual. Powers of pulleys are means of samples; "error of sampling" is what their sum
@@ -120,7 +120,7 @@ def power_rows(
 
 
 def _error(window: Window, put_in: float, contact: float, friction: float) -> float:
-    """Give the error of the efficiency, measured or from what is lost in contact and friction."""
+    """Return the error of the efficiency, measured or from what is lost in contact and friction."""
     run, measured = window.run, window.run.accuracy["power"].total
     lost = sanity.mesh_loss(window.params, contact, friction)
     if run.accuracy.verified and measured is not None:
@@ -129,7 +129,7 @@ def _error(window: Window, put_in: float, contact: float, friction: float) -> fl
 
 
 def _bristles(window: Window) -> np.ndarray | None:
-    """Give what the dry friction of mounts stores (n_t,) [J]; None: none has any, or not known."""
+    """Return the energy stored by dry friction of mounts (n_t,) [J]; None: none, or not known."""
     run, params = window.run, window.params
     stored: np.ndarray = np.zeros(run.t.size)
     for m, _, mount in params._moving:

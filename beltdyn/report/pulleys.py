@@ -22,7 +22,7 @@ FAINT = 1e-6
 
 
 def spread(window: Window, samples: Array, passing: float = 0.0) -> Spread | None:
-    """Give mean, least and largest of samples (n_w,); None if all are missing.
+    """Return mean, least and largest of samples (n_w,); None if all are missing.
 
     The ends are those of running means over ``passing`` [s], if it is > 0.
     """
@@ -36,7 +36,7 @@ def spread(window: Window, samples: Array, passing: float = 0.0) -> Spread | Non
 def pulley_rows(
     window: Window, touching: Touching | None, driver: int | None, margins: bool = True
 ) -> tuple[list[PulleyRow], list[str]]:
-    """Give the rows, and what is missing in them.
+    """Return the rows, and what is missing in them.
 
     Args:
         window: The part of the run.
@@ -122,7 +122,7 @@ def _hub_loads(window: Window, k: int) -> dict[str, Any]:
 
 
 def _contact(window: Window, touching: Touching, k: int) -> dict[str, Any]:
-    """Give the torque of the belt on a pulley."""
+    """Return the torque of the belt on a pulley."""
     if window.lost_mounts and k in window.params.mounted:
         return {}
     found: dict[str, Any] = {"belt_torque": float(window.mean(touching.torques[:, k]))}
@@ -137,7 +137,7 @@ def _contact(window: Window, touching: Touching, k: int) -> dict[str, Any]:
 
 
 def _arcs(window: Window, k: int) -> dict[str, Any]:
-    """Give wrap and slip of a pulley: the share that slips, by :class:`beltdyn.Arcs`."""
+    """Return wrap and slip of a pulley: the share that slips, by :class:`beltdyn.Arcs`."""
     params, way = window.params, window.route()
     found: dict[str, Any] = {}
     if way is not None:

@@ -91,7 +91,7 @@ class Report(Told):
         return brief.html(self)
 
     def text(self, *, full: bool = False) -> str:
-        """Give the report as text.
+        """Return the report as text.
 
         Args:
             full: False, as ``print`` does: the first screen, at most 39 lines of 100 columns.
@@ -103,7 +103,7 @@ class Report(Told):
         return "\n".join(text.lines(self) if flag("full", full) else brief.lines(self))
 
     def to_dict(self) -> dict[str, Any]:
-        """Give plain numbers, texts, lists and dictionaries, such as ``json.dump`` takes.
+        """Return plain numbers, texts, lists and dictionaries, such as ``json.dump`` takes.
 
         SI units, angles in rad, as the attributes, and what follows from them: "steady",
         "first_to_slip", the name of that pulley, and "slower" of rows of creep, which is what is
@@ -119,7 +119,7 @@ class Report(Told):
         return plain
 
     def to_frame(self) -> Any:
-        """Give one number a row: a pandas.DataFrame of part, name, quantity, unit, value and text.
+        """Return a pandas.DataFrame, a number a row: part, name, quantity, unit, value and text.
 
         SI units, angles in rad. Parts are "report", what is said of the run as a whole, "pulleys",
         "spans", "mounts", "creep", "powers" and "cycles". Texts, such as the kind of a power or a

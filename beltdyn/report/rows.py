@@ -296,7 +296,7 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
         raise KeyError(f"there is no {key!r}, there are {', '.join(self.names())}")
 
     def names(self) -> tuple[str, ...]:
-        """Give the names of the rows."""
+        """Return the names of the rows."""
         return tuple(str(getattr(row, "name", "")) for row in self)
 
 

@@ -31,14 +31,14 @@ SWINGS = 0.3
 
 
 def less_mass(window: Window, tension: Array, speed: float | Array) -> Array:
-    """Give tensions less what the belt's mass takes, T - m c^2 lambda [N]."""
+    """Return tensions less what the belt's mass takes, T - m c^2 lambda [N]."""
     belt = window.params.belt
     mass = belt.linear_density * np.square(speed)
     return np.asarray(tension - mass * (1.0 + tension / belt.axial_stiffness))
 
 
 def friction_limits(window: Window, touching: Touching) -> Array:
-    """Give the friction coefficient that each pulley's law reaches in this window (n_p,) [1].
+    """Return the friction coefficient that each pulley's law reaches in this window (n_p,) [1].
 
     Where it depends on the slip velocity (Stribeck), the highest at the slip velocities of the
     window; else that of full slip. A pulley that begins to slip in full slips faster than these.
@@ -125,7 +125,7 @@ class _Slipping:
         return rows, self.notes
 
     def _used(self, pull: Array) -> Array:
-        """Give the part of the friction in use, from tensions less rho v^2 (..., n_p)."""
+        """Return the part of the friction in use, from tensions less rho v^2 (..., n_p)."""
         before = np.roll(pull, 1, axis=-1)
         tight, slack = np.maximum(pull, before), np.minimum(pull, before)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -176,11 +176,11 @@ class _Slipping:
         return found
 
     def _falls(self) -> NDArray[np.bool_]:
-        """Tell on which pulleys friction is higher in this window than in fast slip."""
+        """Return on which pulleys friction is higher in this window than in fast slip."""
         return np.asarray(self.reached > 1.01 * self.mu)
 
     def _curves(self, rows: list[PulleyRow]) -> None:
-        """Say where friction falls once a pulley slips, and what it holds until then."""
+        """Describe where friction falls once a pulley slips, and what it holds until then."""
         for k in np.flatnonzero(self._falls()):
             held = rows[k].sticking_margin
             until = ""

@@ -80,7 +80,7 @@ def dominant(t: Array, values: Array) -> Line | None:
 
 
 def moving_string(tension: float, density: float, length: float, speed: float) -> float:
-    """Give the first frequency of a string that moves along itself, (c^2 - v^2) / (2 l c) [Hz].
+    """Return the first frequency of a string that moves along itself, (c^2 - v^2) / (2 l c) [Hz].
 
     Args:
         tension: T [N], > 0.
@@ -96,7 +96,7 @@ def moving_string(tension: float, density: float, length: float, speed: float) -
 
 
 def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow], list[str]]:
-    """Give the rows, and what is missing in them."""
+    """Return the rows, and what is missing in them."""
     params, run = window.params, window.run
     notes: list[str] = []
     n_p = len(params.pulleys)
@@ -168,7 +168,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
 
 
 def _without(window: Window, k: int, absent: NDArray[np.bool_]) -> str:
-    """Say in how many samples of the run a span has no tension, and why."""
+    """Describe in how many samples of the run a span has no tension, and why."""
     run, names = window.run, window.params.pulley_names
     why = "no link is free between its pulleys"
     if run._has("contact.pulley"):
@@ -183,7 +183,7 @@ def _without(window: Window, k: int, absent: NDArray[np.bool_]) -> str:
 
 
 def uneven(window: Window) -> str:
-    """Say why there are no spectra of a window; nothing if its samples are even in time."""
+    """Describe why there are no spectra of a window; nothing if its samples are even in time."""
     steps = np.diff(window.t)
     if steps.size < 2 or np.ptp(steps) <= EVEN * steps.mean():
         return ""
@@ -191,7 +191,7 @@ def uneven(window: Window) -> str:
 
 
 def _of_links(found: tuple[Source, ...], t: Array, frequency: float) -> bool | None:
-    """Tell whether a line is at the frequency of links that pass, a multiple of it, or an alias.
+    """Return whether a line is at the frequency of links that pass, a multiple of it, or an alias.
 
     None: the window cannot tell. It is too short to tell it from other lines, something else has a
     harmonic there as well, or the belt changes its speed so much that the links pass at this

@@ -68,7 +68,7 @@ class Table(NamedTuple):
 
 
 def tables(report: Told) -> Iterator[Table]:
-    """Give the tables of a report in which there is something."""
+    """Yield the tables of a report in which there is something."""
     parts = (
         (_motion, report.pulleys),
         (_loads, report.pulleys),
@@ -109,7 +109,7 @@ def _motion(report: Told) -> Table:
 
 
 def couplings(report: Told) -> tuple[str, ...]:
-    """Say of each coupling its windup, and for how long a clutch is free."""
+    """Describe of each coupling its windup, and for how long a clutch is free."""
     remarks = []
     for row in report.pulleys:
         if row.windup is None:
@@ -127,7 +127,7 @@ def couplings(report: Told) -> tuple[str, ...]:
 
 
 def _without(value: Spread | None, least: float) -> Spread | None:
-    """Give a spread with 0 for numbers that are less than rounding leaves."""
+    """Return a spread with 0 for numbers that are less than rounding leaves."""
     if value is None:
         return None
     ends = (value.mean, value.least, value.most)
@@ -237,7 +237,7 @@ def cells(report: Told) -> bool:
 
 
 def note_on_mesh(report: Told) -> str:
-    """Give what there is to know of a mesh whose error is large enough to be warned of."""
+    """Return what there is to know of a mesh whose error is large enough to be warned of."""
     notes = (row["note"] for row in _core.BELTS)
     return next((one for one in notes if one and _warned(report, one)), "")
 
@@ -247,7 +247,7 @@ def _warned(report: Told, text: str) -> bool:
 
 
 def slips(report: Told) -> list[str]:
-    """Say which pulleys slip first, within what theory tells apart, and when; of none, nothing."""
+    """Describe which pulleys slip first, as far as theory tells, and when; "" of none."""
     first = report.first_to_slip
     if first is None:
         return []
@@ -261,7 +261,7 @@ def slips(report: Told) -> list[str]:
 
 
 def _when(report: Told, row: PulleyRow) -> str:
-    """Say when the first pulley slips: now, or at which torques."""
+    """Describe when the first pulley slips: now, or at which torques."""
     margins = [one for one in (row.margin, row.least_margin) if one is not None]
     if min(margins) <= 1.02 < (row.sticking_margin or 0.0):
         return "as soon as something makes it slip: only friction at rest holds it"
@@ -284,7 +284,7 @@ def _when(report: Told, row: PulleyRow) -> str:
 
 
 def _percents(value: Spread | None) -> str:
-    """Give the range of a share in percent, the most of it "slack" where it is infinite."""
+    """Return the range of a share in percent, the most of it "slack" where it is infinite."""
     if value is None:
         return NONE
     ends = ["slack" if math.isinf(one) else f"{100 * one:.0f}" for one in (value.least, value.most)]
@@ -492,7 +492,7 @@ def _cycles(report: Told) -> Table:
 
 
 def opening(report: Told) -> list[str]:
-    """Say which part of the run it is, and how fast the belt is."""
+    """Describe which part of the run it is, and how fast the belt is."""
     told, range_ = "", report.belt_speeds
     if report.belt_speed is not None:
         told = f"; belt at {digits.belt_speed(report)} m/s"
@@ -507,20 +507,20 @@ def opening(report: Told) -> list[str]:
 
 
 def _against(report: Told) -> str:
-    """Say which way the belt runs if that is not the one in which its links are numbered."""
+    """Describe which way the belt runs if that is not the one in which its links are numbered."""
     speed = report.belt_speed or 0.0
     nodes = "cells" if cells(report) else "links"
     return f" against the order of its {nodes}" if speed < -_STILL else ""
 
 
 def _unsteady(report: Told) -> str:
-    """Give what is least steady, and how much else is not."""
+    """Return what is least steady, and how much else is not."""
     more = len(report.unsteady) - 1
     return report.unsteady[0] + (f"; and {more} more (report.unsteady)" if more else "")
 
 
 def lines(report: Told) -> list[str]:
-    """Give the lines of a report, none longer than 80 characters."""
+    """Return the lines of a report, none longer than 80 characters."""
     found = [
         line
         for one in opening(report)
@@ -575,7 +575,7 @@ def _wrapped(text: str) -> list[str]:
 
 
 def html(report: Told) -> str:
-    """Give a report as HTML, for notebooks."""
+    """Return a report as HTML, for notebooks."""
     parts = [*paragraphs(opening(report)), *of_tables(tables(report))]
     for title, texts in (
         ("Warnings of the run", _warnings(report)),
@@ -588,7 +588,7 @@ def html(report: Told) -> str:
 
 
 def of_tables(found: Iterable[Table]) -> list[str]:
-    """Give each table, and its remarks, as HTML."""
+    """Return each table, and its remarks, as HTML."""
     parts = []
     for one in found:
         parts.append(table_of(one.heading, one.rows, one.title))

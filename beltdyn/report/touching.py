@@ -77,7 +77,7 @@ class Touching:
     gross: GrossSlip | None
 
     def passing(self, window: Window) -> float:
-        """Give the time over which histories are averaged to tell the drive from the mesh [s].
+        """Return the time over which histories are averaged to tell the drive from the mesh [s].
 
         That in which a link passes, or as many links as the samples need to have four of them; 0
         where so few pass that no mean can tell them apart, and of cells, which do not.
@@ -92,13 +92,13 @@ class Touching:
         return one * max(1.0, math.ceil(4.0 * window.lasts / (window.t.size - 1) / one))
 
     def stands(self, window: Window, least: float) -> bool:
-        """Tell whether it is slower than this [m/s], or moves by no notable part of a link."""
+        """Return whether it is slower than this [m/s], or moves by no notable part of a link."""
         speed = float(window.mean(np.abs(self.speeds)))
         length = float(window.params.info["link_length"])
         return not (speed > least and speed * window.lasts > STILL * length)
 
     def reverses(self, window: Window) -> bool:
-        """Tell whether the belt's speed changes by more than its mean: there is no mean state."""
+        """Return whether the belt's speed changes by more than its mean: there is no mean state."""
         smooth = window.smoothed(self.speeds[:, None], self.passing(window))
         change = float(np.nanmax(smooth) - np.nanmin(smooth))
         return change > max(abs(self.speed), float(window.params.info["drag_speed"]))
@@ -160,7 +160,7 @@ def touching(window: Window) -> Touching | None:
 
 
 def _chord(half: Array, stretch: Array, facts: _core.BeltFacts) -> Array:
-    """Give the radius of the arc that a polygon stands for, over that of its places.
+    """Return the radius of the arc that a polygon stands for, over that of its places.
 
     A pitch of belt, of the length l0 lambda, takes up an angle; that length over this angle is the
     radius. Bars of a string stretch along their chord. Links do not, half = l0 / (2 radius) is half
@@ -174,7 +174,7 @@ def _chord(half: Array, stretch: Array, facts: _core.BeltFacts) -> Array:
 
 
 def _speed(window: Window, touched: NDArray[np.int32], stretch: Array) -> tuple[float, Array]:
-    """Give the stress-free length of belt that passes in a second, from the free links [m/s].
+    """Return the stress-free length of belt that passes in a second, from the free links [m/s].
 
     Their speed along themselves: what they have across is swing of the spans. Mean, and (n_w,).
     """

@@ -92,7 +92,7 @@ class Run(Sampled, Protocol):
 
 
 def missing(run: Run, names: Collection[str]) -> list[str]:
-    """Give those of some outputs that the run was not asked for and its belt does not lack."""
+    """Return those of some outputs that the run was not asked for and its belt does not lack."""
     lacks = lacking(run.params)
     return [name for name in names if not run._has(name) and name not in lacks]
 
@@ -146,15 +146,15 @@ class Window:
         return float(self.t[-1] - self.t[0])
 
     def of(self, history: NDArray[Any]) -> NDArray[Any]:
-        """Give the samples of a history (n_t, ...) that are in the window."""
+        """Return the samples of a history (n_t, ...) that are in the window."""
         return history[self.rows]
 
     def mean(self, samples: Array) -> Array:
-        """Give the mean over time of samples in the window (n_w, ...), NaN left out."""
+        """Return the mean over time of samples in the window (n_w, ...), NaN left out."""
         return mean_over(self.weights, samples)
 
     def smoothed(self, samples: Array, width: float) -> Array:
-        """Give the running mean over a time [s] of samples (n_w, n), NaN left out.
+        """Return the running mean over a time [s] of samples (n_w, n), NaN left out.
 
         Over half of it, or less, at the ends there is no whole one: NaN; if it is longer than the
         window, the mean of the window.
@@ -181,7 +181,7 @@ class Window:
         return found
 
     def travels(self) -> Array | None:
-        """Give the travels of the mounts (n_w, n_m); None without mounts, or not asked for."""
+        """Return the travels of the mounts (n_w, n_m); None without mounts, or not asked for."""
         mounts = self.run.mounts
         if mounts is None or not self.run._has("mounts.travel"):
             return None
@@ -189,7 +189,7 @@ class Window:
 
     @functools.cached_property
     def centers(self) -> Array:
-        """Give where the axes of the pulleys are at the samples (n_w, n_p, 2) [m].
+        """Return where the axes of the pulleys are at the samples (n_w, n_p, 2) [m].
 
         Where the run has not kept travels of the mounts, these rest.
         """
@@ -221,7 +221,7 @@ class Window:
         return bool(self.params.mounted) and self.travels() is None
 
     def route(self) -> Route | None:
-        """Give the way of the belt with the mounts at their mean travels; None: not known."""
+        """Return the way of the belt with the mounts at their mean travels; None: not known."""
         if self.lost_mounts:
             return None
         travels = self.travels()
@@ -230,13 +230,13 @@ class Window:
         return route_at(self.params.pulleys, self.params.centers(self.mean(travels)))
 
     def spans(self) -> Array | None:
-        """Give the tensions of the free spans at the samples (n_w, n_p) [N]; None: not kept."""
+        """Return the tensions of the free spans at the samples (n_w, n_p) [N]; None: not kept."""
         if not self.run._has("span_tension"):
             return None
         return np.asarray(self.of(self.run.span_tension), dtype=float)
 
     def unsteady(self) -> list[str]:
-        """Say what changes between the halves of the window, by how much; the largest first."""
+        """Describe what changes between the halves of the window, the largest change first."""
         half = self.t.size // 2
         if half < 2:
             return ["whether it is steady cannot be told from fewer than four samples"]

@@ -62,24 +62,24 @@ _UNITS = {"contact.pulley": "1", SPANS: "N", "time": "s"}
 
 
 def span_names(params: Params) -> list[str]:
-    """Give what the free spans are called, after each pulley (n_p,), as reports call them."""
+    """Return what the free spans are called, after each pulley (n_p,), as reports call them."""
     names = params.pulley_names
     after = [*names[1:], names[0]]
     return [span_name(k, names, unnamed=f"{names[k]} to {after[k]}") for k in range(len(names))]
 
 
 def mount_kinds(params: Params) -> list[str]:
-    """Give the kinds of the mounts (n_m,), in words of :data:`beltdyn.drive.mounts.KINDS`."""
+    """Return the kinds of the mounts (n_m,), in words of :data:`beltdyn.drive.mounts.KINDS`."""
     return [mount._row.name for pulley in params.pulleys if (mount := pulley.mount) is not None]
 
 
 def dimensions(size: str) -> tuple[str, ...]:
-    """Give the dimensions after time of a history of this size."""
+    """Return the dimensions after time of a history of this size."""
     return _DIMENSIONS.get(size, ())
 
 
 def places(params: Params) -> dict[str, Sequence[Any]]:
-    """Give what the places along each dimension are called."""
+    """Return what the places along each dimension are called."""
     links, names = range(params.n_bodies), params.pulley_names
     parts = {_DIMENSIONS[size][0]: [names[k] for k in ks] for size, ks in params._having.items()}
     modes = range(1, 1 + params._model.sizes.get("MODES", 0) // len(names))
@@ -88,7 +88,7 @@ def places(params: Params) -> dict[str, Sequence[Any]]:
 
 
 def described() -> dict[str, tuple[str, str, str]]:
-    """Give size, unit and text of every history by name; sizes are those of the core's tables."""
+    """Return size, unit and text of every history by name; sizes are those of the core's tables."""
     found = {
         f"{group}.{name}": (size, unit, text) for name, group, size, unit, text in _core.OUTPUTS
     }
@@ -108,7 +108,7 @@ def dataset(
     params: Params,
     attributes: Mapping[str, str],
 ) -> Any:
-    """Give an ``xarray.Dataset``; see :meth:`beltdyn.Result.to_xarray`.
+    """Return an ``xarray.Dataset``; see :meth:`beltdyn.Result.to_xarray`.
 
     Args:
         t: Sample times (n_t,) [s].
@@ -141,7 +141,7 @@ def dataset(
 
 
 def unit_of_mounts(unit: str, params: Params) -> str:
-    """Give the one of "rad or m" that all mounts have, both if they differ."""
+    """Return the one of "rad or m" that all mounts have, both if they differ."""
     rows = [KINDS[name] for name in mount_kinds(params)]
     known = None not in (angles := {row.angle for row in rows})
     return rows[0].unit(unit) if known and len(angles) == 1 else unit

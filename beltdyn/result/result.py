@@ -168,7 +168,7 @@ class Result:
         )
 
     def _keeping(self, outputs: tuple[str, ...] | None) -> Result:
-        """Give the same run with some of its arrays alone."""
+        """Return the same run with some of its arrays alone."""
         if outputs is None:
             return self
         kept: dict[str, Any] = {"outputs": outputs}
@@ -197,7 +197,7 @@ class Result:
         return self._span_tension(slice(None))
 
     def _span_tension(self, rows: Any) -> Array:
-        """Give :attr:`span_tension` at some of the samples."""
+        """Return :attr:`span_tension` at some of the samples."""
         if self._sampled_spans is not None:
             return np.asarray(self._sampled_spans[rows])
         if not self._has("span_tension"):
@@ -209,7 +209,7 @@ class Result:
         return span_tension(touched, force, len(self.params.pulleys))
 
     def hub_load(self, *, centrifugal: bool = True) -> Array:
-        """Give the force of the belt on each pulley in x and y (n_t, n_p, 2) [N].
+        """Return the force of the belt on each pulley in x and y (n_t, n_p, 2) [N].
 
         On the pulley of a belt that runs at the speed v the spans pull with T_1 and T_2 in their
         directions d_1 and d_2 away from it; but rho v^2 of each serves to turn the belt round, and
@@ -234,7 +234,7 @@ class Result:
         return np.asarray(self.pulleys.load + flux)
 
     def along_belt(self, name: str = "joints.force", places: ArrayLike | None = None) -> AlongBelt:
-        """Give a history of joints or links in places that are fixed in space.
+        """Return a history of joints or links in places that are fixed in space.
 
         Joints and links pass; this looks at the same place all the time: linearly between the two
         next to it, joints where they are, contact where the mesh has it (at joints, centres of
@@ -278,7 +278,7 @@ class Result:
         return self._along(name, asked, slice(None))
 
     def _along(self, name: str, places: Array | None, rows: Any) -> AlongBelt:
-        """Give :meth:`along_belt` at some of the samples."""
+        """Return :meth:`along_belt` at some of the samples."""
         group, _, field = name.partition(".")
         values = getattr(getattr(self, group), field)[rows]
         if self.params._belt_facts["flows"]:
@@ -304,7 +304,7 @@ class Result:
         return None if self.mounts is None else self.mounts.travel
 
     def _has(self, name: str) -> bool:
-        """Tell whether an output is there."""
+        """Return whether an output is there."""
         return has(self.outputs, name) and name not in self._lacking
 
     @cached_property
@@ -351,7 +351,7 @@ class Result:
         return np.where(stands, np.nan, 1.0 - speed / np.where(stands, 1.0, speed[:, :1]))
 
     def report(self, last: float = 0.2, *, joint: int = 0) -> Report:
-        """Give what an engineer reads off the last part of the run; print it.
+        """Return what an engineer reads off the last part of the run; print it.
 
         Pulleys: speeds, torques, powers, hub loads, arcs of contact and slip, tension ratios, the
         margin of torque to full slip. Spans: tensions, the strongest line in them, the frequency as
@@ -479,7 +479,7 @@ class Result:
         ]
 
     def to_xarray(self) -> Any:
-        """Give an ``xarray.Dataset`` with every array that there is, its unit and its text.
+        """Return an ``xarray.Dataset`` with every array that there is, its unit and its text.
 
         Variables have the names of outputs, "joints.force", "energy.kinetic", "span_tension", over
         "time" and "pulley", "span", "link", "joint", "mount" or "xy", whose coordinates are names

@@ -191,7 +191,7 @@ def _list(name: str, value: Any) -> list[Any]:
 
 
 def _meta(value: NDArray[Any]) -> dict[str, Any]:
-    """Give the checked description of the run."""
+    """Return the checked description of the run."""
     content = npz.text("meta.json", value)
     try:
         table = json.loads(content)

@@ -72,7 +72,7 @@ class Checkpoint:
 
     @classmethod
     def of(cls, value: object) -> Checkpoint:
-        """Give a path as a Checkpoint, and one as it is.
+        """Return a path as a Checkpoint, and one as it is.
 
         Raises:
             TypeError, ValueError: It is neither.
@@ -140,7 +140,7 @@ class Recorder:
             self._file.close()
 
     def count(self, spent: Callable[[], Spent]) -> None:
-        """Tell what gives the times spent on the run."""
+        """Set the function that returns the times spent on the run."""
         self._spent = spent
         self._due = time.perf_counter() + self.every
 
@@ -218,7 +218,7 @@ class Recorder:
 
 
 def row_size(arrays: Mapping[str, NDArray[Any]]) -> int:
-    """Give the size of the samples at one time [byte]."""
+    """Return the size of the samples at one time [byte]."""
     return sum(
         array.dtype.itemsize * int(np.prod(array.shape[1:], dtype=np.int64))
         for array in arrays.values()

@@ -20,13 +20,13 @@ _V1, _V2 = Path("/sys/fs/cgroup/memory"), Path("/sys/fs/cgroup")
 
 
 def available() -> int | None:
-    """Give the memory that this process can still get [byte]; None if it is not known."""
+    """Return the memory that this process can still get [byte]; None if it is not known."""
     known = [size for size in (_of_machine(), _of_group()) if size is not None]
     return min(known) if known else None
 
 
 def check_samples(n_t: int, sizes: Mapping[str, int], names: Collection[str], ledger: bool) -> int:
-    """Give the memory that the samples of a run need [byte], if it is available, or very little.
+    """Return the memory that the samples of a run need [byte], if it is available, or very little.
 
     ``sizes`` are those of the drive's model, ``names`` the outputs that the core is asked for.
 
@@ -49,7 +49,7 @@ def check_samples(n_t: int, sizes: Mapping[str, int], names: Collection[str], le
 
 @lru_cache(maxsize=1)
 def _lately(tell: Callable[[], int | None], _second: int) -> int | None:
-    """Give what was available within this second: asking takes as long as a short run."""
+    """Return what was available within this second: asking takes as long as a short run."""
     return tell()
 
 
@@ -79,7 +79,7 @@ def _of_machine() -> int | None:
 
 
 def _of_group() -> int | None:
-    """Give the memory left by the control groups (container, batch job), the least of them."""
+    """Return the memory left by the control groups (container, batch job), the least of them."""
     left = []
     with suppress(OSError):
         for line in Path("/proc/self/cgroup").read_text().splitlines():
@@ -105,7 +105,7 @@ def _left(root: Path, path: str, limit: str, usage: str) -> list[int]:
 
 
 def _reclaimable(folder: Path) -> int:
-    """Give the size of the group's file cache: counted as used, but freed when needed."""
+    """Return the size of the group's file cache: counted as used, but freed when needed."""
     with suppress(OSError, ValueError):
         rows = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
         return sum(int(rows.get(name, 0)) for name in ("active_file", "inactive_file"))

@@ -32,7 +32,7 @@ TURNED = 0.1
 
 
 def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ...]:
-    """Give the warnings of a run's samples: no_friction, mesh, full_slip, slack_span, and so on.
+    """Return the warnings of a run's samples: no_friction, mesh, full_slip, slack_span, and so on.
 
     Those alone that show in the outputs that the run was asked for (``Result.unchecked``).
 
@@ -136,7 +136,7 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
 
 
 def _tighter(params: Params) -> str:
-    """Say how the belt gets more tension."""
+    """Describe how the belt gets more tension."""
     if params.belt.preload is not None:
         return "raise belt.preload"
     return "raise the preload (a shorter belt.length)"
@@ -217,7 +217,7 @@ def _near_limits(result: Result) -> Iterator[RunWarning]:
 
 
 def hint(result: Result, rtol: float) -> tuple[str, ...]:
-    """Give a note where an ALE belt would be much cheaper, and describes what the run has shown.
+    """Return a note where an ALE belt would be much cheaper, and describes what the run has shown.
 
     Args:
         result: A run whose steps follow the error.

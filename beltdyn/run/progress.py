@@ -13,7 +13,7 @@ __all__ = ["counted", "over_time"]
 
 
 def _terminal(enabled: bool) -> Console | None:
-    """Give standard error; None if progress is not wanted there, or clutter in a file or pipe."""
+    """Return standard error; None if progress is not wanted there, or clutter in a file or pipe."""
     if not enabled:
         return None
     from rich.console import Console

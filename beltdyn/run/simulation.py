@@ -498,7 +498,7 @@ def _simulate(
 def speeds_at_start(
     params: Params, motion: ByPulley[MotionLike] | None, t_end: float, breakpoints: ArrayLike
 ) -> dict[int, float] | None:
-    """Give the speeds with which :func:`simulate` has the belt settle for motions; None: at rest.
+    """Return the speeds with which :func:`simulate` has the belt settle for motions; None: at rest.
 
     Raises:
         TypeError, ValueError: A motion or a breakpoint breaks its rule.
@@ -517,7 +517,7 @@ def _excused(one: RunWarning, error: float | None) -> str:
 
 
 def _first_after(start: float, options: Mapping[str, Any], end: float) -> float:
-    """Give the first breakpoint of the run, or its end."""
+    """Return the first breakpoint of the run, or its end."""
     later = options["breakpoints"][options["breakpoints"] > start]
     return min(end, float(later[0])) if later.size else end
 
@@ -525,7 +525,7 @@ def _first_after(start: float, options: Mapping[str, Any], end: float) -> float:
 def _first_speeds(
     params: Params, motions: Mapping[int, Motion | CrankMotion], start: float, until: float
 ) -> dict[int, float] | None:
-    """Give the speeds with which motions begin; None if they begin at rest."""
+    """Return the speeds with which motions begin; None if they begin at rest."""
     with _nothing_computed(params):
         speeds = first_speeds(motions, start, until, params.pulley_names)
     return speeds if any(speeds.values()) else None
@@ -533,7 +533,7 @@ def _first_speeds(
 
 @contextmanager
 def _nothing_computed(params: Params) -> Iterator[None]:
-    """Give exceptions from here an empty ``result``."""
+    """Yield exceptions from here an empty ``result``."""
     try:
         yield
     except Exception as error:
@@ -551,7 +551,7 @@ def _keep_result(error: BaseException, result: Result | None) -> None:
 
 
 def _span(initial: State | None, t_end: float) -> tuple[float, float]:
-    """Give the times at which a run begins and ends."""
+    """Return the times at which a run begins and ends."""
     start = 0.0 if initial is None else initial.t
     end = real("t_end", t_end, "s")
     if end <= start:

@@ -82,7 +82,7 @@ class Start:
 
 
 def pack(start: Start, every: float) -> bytes:
-    """Give the bytes of how a run began, and how often it is to be written."""
+    """Return the bytes of how a run began, and how often it is to be written."""
     text, torque, motion = _texts(start.scene)
     meta = {
         "version": _core.__version__,
@@ -148,7 +148,7 @@ def unpack(content: bytes) -> tuple[Start, float]:
 
 
 def _texts(scene: Scene) -> tuple[str, bool, bool | None]:
-    """Give a scene as TOML, with what can be written of its loads.
+    """Return a scene as TOML, with what can be written of its loads.
 
     Returns:
         The text; whether the torque is in it; whether the motions are, None if there are none. In

@@ -208,7 +208,7 @@ def names() -> tuple[str, ...]:
 
 
 def describe(name: str) -> str:
-    """Give the first line of a scene's description."""
+    """Return the first line of a scene's description."""
     return (_SCENES[name].__doc__ or "").partition("\n")[0]
 
 
@@ -239,7 +239,7 @@ def get(name: str) -> Scene:
 
 
 def find(scene: str | os.PathLike[str]) -> Scene:
-    """Give a scene by its name, or from a TOML file.
+    """Return a scene by its name, or from a TOML file.
 
     Raises:
         OSError: The file cannot be read.

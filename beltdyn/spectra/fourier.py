@@ -17,7 +17,7 @@ _PADDED = 8
 
 
 def even_step(t: Array) -> float:
-    """Give the time between samples (n_t,) [s], which a spectrum needs to be always the same.
+    """Return the time between samples (n_t,) [s], which a spectrum needs to be always the same.
 
     Raises:
         ValueError: It is not, or there are fewer than 16 samples.
@@ -42,7 +42,7 @@ def even_step(t: Array) -> float:
 def amplitude_spectrum(
     t: Array, values: Array, *, window: str = "hann"
 ) -> tuple[Array, Array, float]:
-    """Give the amplitude spectrum of samples: a sine of amplitude A shows A, to 0.3 %.
+    """Return the amplitude spectrum of samples: a sine of amplitude A shows A, to 0.3 %.
 
     The straight line through the values, and with it their mean, is taken off first. 2 / sum(w)
     scales the discrete Fourier transform of the values times the window w (Harris, Proc. IEEE 66
@@ -75,7 +75,7 @@ def amplitude_spectrum(
 
 
 def spectrogram(t: Array, values: Array, length: float) -> tuple[Array, Array, Array]:
-    """Give amplitude spectra over short times, of a signal whose lines move as in a run-up.
+    """Return amplitude spectra over short times, of a signal whose lines move as in a run-up.
 
     Args:
         t: Times (n_t,) [s], evenly spaced.

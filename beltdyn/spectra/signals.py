@@ -28,7 +28,7 @@ class Signal:
 
 
 def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -> Signal:
-    """Give one of the outputs of a run as a signal over time, with its name and unit.
+    """Return one of the outputs of a run as a signal over time, with its name and unit.
 
     Args:
         result: The run.
@@ -91,7 +91,7 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
 
 
 def _columns(result: Result, dimension: str) -> list[str]:
-    """Give what the columns of an output are called."""
+    """Return what the columns of an output are called."""
     if dimension == "belt":
         return ["the belt"]
     if dimension == "span":
@@ -104,7 +104,7 @@ def _columns(result: Result, dimension: str) -> list[str]:
 def _column(
     result: Result, by: str, value: object, names: list[str], having: tuple[int, ...] | None
 ) -> int:
-    """Give the column that a value of span=, pulley= ... names; of parts by their pulley."""
+    """Return the column that a value of span=, pulley= ... names; of parts by their pulley."""
     pulleys = result.params.pulley_names
     if by == "mount":
         index = index_of(by, value, pulleys) if isinstance(value, str) else None
@@ -127,7 +127,7 @@ def _column(
 
 
 def _part(by: str, pulley: int, having: tuple[int, ...] | None, pulleys: Sequence[str]) -> int:
-    """Give the column of a pulley, of those that have a part."""
+    """Return the column of a pulley, of those that have a part."""
     if having is None:
         return pulley
     if pulley not in having:

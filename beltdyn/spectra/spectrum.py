@@ -81,7 +81,7 @@ class Spectrum:
     sources: tuple[Source, ...]
 
     def lines(self, count: int = 5) -> tuple[Line, ...]:
-        """Give the largest peaks, largest first; none below 2 % of the largest.
+        """Return the largest peaks, largest first; none below 2 % of the largest.
 
         Each stands out of its surroundings by half its height at least, and is farther than a
         resolution from any larger one, so that sidelobes are no lines.
@@ -137,7 +137,7 @@ class Spectrum:
         )[:1]
 
     def harmonics(self, source: Source) -> int:
-        """Give up to which harmonic of a source lines are named after it; 0: none.
+        """Return up to which harmonic of a source lines are named after it; 0: none.
 
         None of one whose harmonics are closer than the resolution, and none that its changes of
         speed smear (:attr:`Source.sharp`); :meth:`notes` says so.
@@ -145,7 +145,7 @@ class Spectrum:
         return source.sharp if source.frequency >= self.resolution else 0
 
     def _top(self, k: int) -> float:
-        """Give the frequency of a peak: of the parabola through three points."""
+        """Return the frequency of a peak: of the parabola through three points."""
         if not 0 < k < self.amplitude.size - 1:
             return float(self.frequency[k])
         before, top, after = self.amplitude[k - 1 : k + 2]
@@ -163,7 +163,7 @@ class Spectrum:
         return lines_at(self.sources, frequency, self.resolution, self.limit)
 
     def notes(self) -> tuple[str, ...]:
-        """Say how far the spectrum can be trusted, a sentence each."""
+        """Describe how far the spectrum can be trusted, a sentence each."""
         rate = 2.0 * self.limit
         said = [
             f"window {self.begin:.4g} to {self.end:.4g} s: lines closer than "
@@ -197,7 +197,7 @@ class Spectrum:
 
 
 def _by(source: Source) -> str:
-    """Say by how much a source changes its speed, if that is a share of it."""
+    """Describe by how much a source changes its speed, if that is a share of it."""
     return f", by {percent(source.spread)}" if source.spread < 1.0 else ""
 
 

@@ -78,7 +78,7 @@ class Contents:
             self._head += f" in the order {list(names)}"  # one is put into the other
 
     def key(self, values: Sequence[Any], before: str = "") -> str:
-        """Give the key of a run; ``before`` is that of the run whose end it starts from."""
+        """Return the key of a run; ``before`` is that of the run whose end it starts from."""
         total = self._base
         for (roots, factor), value in zip(self._places, values, strict=True):
             if factor and _is_one(value):
@@ -133,7 +133,7 @@ class Contents:
             return pulley
 
     def _motions(self, motion: Any) -> dict[Any, Any]:
-        """Give motions by index, each as its speed where it has one."""
+        """Return motions by index, each as its speed where it has one."""
         try:
             found = as_motions(motion, self._pulleys)
         except (TypeError, ValueError):  # refused when it is run
@@ -168,7 +168,7 @@ def _is_one(value: Any) -> bool:
 
 
 def _number(value: int | float) -> str:
-    """Give the same text for an integer and the float that is the same number."""
+    """Return the same text for an integer and the float that is the same number."""
     try:
         return float(value).hex() if float(value) == value or value != value else repr(value)
     except OverflowError:
@@ -180,7 +180,7 @@ def _digest(leaf: Leaf) -> bytes:
 
 
 def _sum(leaves: Iterable[Leaf]) -> int:
-    """Give one number for entries in any order, so that a few can be exchanged in no time."""
+    """Return one number for entries in any order, so that a few can be exchanged in no time."""
     return sum(int.from_bytes(_digest(leaf)) for leaf in leaves)
 
 
@@ -189,7 +189,7 @@ def _within(name: str, roots: Iterable[str]) -> bool:
 
 
 def _places(scene: Scene, name: str) -> tuple[list[str], bool]:
-    """Give where a name stands in the layout, and whether it is a factor, else 1."""
+    """Return where a name stands in the layout, and whether it is a factor, else 1."""
     root, path = find(scene, name)
     places = [root]
     node: Any = scene.params if root == "params" else None

@@ -77,7 +77,7 @@ class Table:
         return {one: self._counted[one] for one in STATUSES if self._counted.get(one, 0)}
 
     def dataset(self, attributes: dict[str, str]) -> Any:
-        """Give the table; it does not depend on the order in which runs were done."""
+        """Return the table; it does not depend on the order in which runs were done."""
         xarray = optional_module("xarray", "beltdyn.sweep", "sweep")
         joined = _Joined([*self._points.names, *self._points.dims])
         kept: list[tuple[Layout, _Rows]] = []
@@ -129,7 +129,7 @@ def _described(units: str, text: str) -> dict[str, str]:
 
 
 def _column(values: Sequence[Any]) -> Any:
-    """Give swept values as an array of numbers or, if they are something else, of texts."""
+    """Return swept values as an array of numbers or, if they are something else, of texts."""
     if all(isinstance(one, bool) for one in values):
         return np.array(values)
     if all(isinstance(one, int) and not isinstance(one, bool) for one in values):
@@ -183,7 +183,7 @@ class _Joined:
         return ""
 
     def filled(self, rows: Sequence[tuple[Layout, _Rows]], n: int) -> dict[str, Any]:
-        """Give the values (n, ...) of each quantity, NaN or "" where there are none."""
+        """Return the values (n, ...) of each quantity, NaN or "" where there are none."""
         found: dict[str, Any] = {}
         for name, one in self.quantities.items():
             axes = tuple(self.axes[axis.name] for axis in one.axes)

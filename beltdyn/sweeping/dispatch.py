@@ -100,7 +100,7 @@ class Dispatch:
             raise
 
     def _size(self) -> int:
-        """Give the runs of the next batch: of the time wanted, and enough batches at the end."""
+        """Return the runs of the next batch: of the time wanted, and enough batches at the end."""
         if self._mean is None:
             return 1
         wanted = self._pool.seconds / max(self._mean, 1e-6)

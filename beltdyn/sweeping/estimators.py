@@ -72,7 +72,7 @@ class Indices:
 
 
 def by_groups(design: Design, options: dict[str, Any]) -> Callable[[Array], Indices]:
-    """Give what analyses the values of Saltelli's groups (groups, size).
+    """Return what analyses the values of Saltelli's groups (groups, size).
 
     Args:
         design: With groups.
@@ -97,7 +97,7 @@ def by_groups(design: Design, options: dict[str, Any]) -> Callable[[Array], Indi
 
 
 def by_runs(design: Design, inputs: Array, options: dict[str, Any]) -> Callable[[Array], Indices]:
-    """Give what analyses the values of runs (runs, 1) whose parameters are ``inputs`` (runs, k)."""
+    """Return the analysis of values of runs (runs, 1) whose parameters are ``inputs`` (runs, k)."""
     rbd_fast = optional_module("SALib.analyze.rbd_fast", "sensitivity", "sensitivity")
     keys = {"first": "S1", "first_conf": "S1_conf"}
 

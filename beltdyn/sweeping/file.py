@@ -126,7 +126,7 @@ def _scene(value: object, folder: Path) -> Scene:
 
 
 def _values(name: str, value: Any) -> Any:
-    """Give the values of a name: those listed, where tables are laws, mounts, loads; or a range."""
+    """Return the values of a name: listed ones (tables: laws, mounts, loads), or a range."""
     if isinstance(value, list):
         return [_value(f"over.{name}[{k}]", name, one) for k, one in enumerate(value)]
     if not isinstance(value, dict):

@@ -34,7 +34,7 @@ class NoKeyError(ValueError):
 
 
 def token(value: Any) -> str:
-    """Give a short text that is the same for the same content, and for nothing else.
+    """Return a short text that is the same for the same content, and for nothing else.
 
     Raises:
         NoKeyError: The content cannot be known.
@@ -142,7 +142,7 @@ class _Walk:
         return self._all([function.__defaults__, function.__kwdefaults__, cells])
 
     def _used(self, code: types.CodeType, known: dict[str, Any]) -> str:
-        """Give the globals that a function uses, and what it uses of the user's modules."""
+        """Return the globals that a function uses, and what it uses of the user's modules."""
         names, inside, imports = _names(code)
         if not _BY_TEXT.isdisjoint((*names, *inside)):
             raise NoKeyError(
@@ -189,7 +189,7 @@ class _Walk:
         return self._code(value) if isinstance(value, types.CodeType) else repr(value)
 
     def _class(self, kind: type) -> str:
-        """Give a class by name; one of the user's, and those it is made from, by content."""
+        """Return a class by name; one of the user's, and those it is made from, by content."""
         if not _is_users(kind.__module__):
             return _named(kind)
         parts = [self.text(base) for base in kind.__bases__]
@@ -205,7 +205,7 @@ class _Walk:
         return f"class {_named(kind)} {'; '.join(parts)}"
 
     def _object(self, value: Any) -> str:
-        """Give any other object as copying sees it."""
+        """Return any other object as copying sees it."""
         try:
             reduced: Callable[[Any], Any] = copyreg.dispatch_table.get(type(value), _reduced)
             found = reduced(value)
@@ -239,7 +239,7 @@ class _Import(NamedTuple):
 
 
 def _imported(one: _Import, code: types.CodeType, known: dict[str, Any]) -> Any:
-    """Give the module that a function imports when it is called."""
+    """Return the module that a function imports when it is called."""
     try:
         module = __import__(one.name, known, None, one.wanted, one.level)
     except ImportError:
@@ -255,7 +255,7 @@ def _imported(one: _Import, code: types.CodeType, known: dict[str, Any]) -> Any:
 def _names(
     code: types.CodeType,
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[_Import, ...]]:
-    """Give globals, attributes and imports that a function and those within it name."""
+    """Return globals, attributes and imports that a function and those within it name."""
     names: set[str] = set()
     inside: set[str] = set()
     imports: set[_Import] = set()
@@ -286,7 +286,7 @@ def _named(kind: type) -> str:
 
 @functools.lru_cache(maxsize=256)
 def _origin(module: str) -> str:
-    """Give a module by name, with the version of its package."""
+    """Return a module by name, with the version of its package."""
     package = sys.modules.get(module.partition(".")[0])
     version = getattr(package, "__version__", "")
     return f"{module} {version}" if isinstance(version, str) and version else module

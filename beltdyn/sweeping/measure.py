@@ -258,7 +258,7 @@ class _Report:
 
 @lru_cache(maxsize=1)
 def _tables() -> dict[str, tuple[str, str, str]]:
-    """Give size, unit and text of the histories by name."""
+    """Return size, unit and text of the histories by name."""
     return {**described(), "slip": ("PULLEYS", "1", "speed lost against pulley 0")}
 
 

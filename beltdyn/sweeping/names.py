@@ -91,7 +91,7 @@ def find(scene: Scene, name: object) -> Named:
 
 
 def in_words(scene: Scene, name: str) -> tuple[str, str]:
-    """Give the unit and the text of what a name stands for, "" where none is known."""
+    """Return the unit and the text of what a name stands for, "" where none is known."""
     found = find(scene, name)
     if found.root == "t_end":
         return "s", "end of the run"
@@ -112,7 +112,7 @@ def in_words(scene: Scene, name: str) -> tuple[str, str]:
 def changed(
     scene: Scene, options: Mapping[str, Any], changes: Mapping[str, Any]
 ) -> tuple[Scene, dict[str, Any]]:
-    """Give the scene and the options with values changed, all at once.
+    """Return the scene and the options with values changed, all at once.
 
     Raises:
         TypeError, ValueError: There is no such drive, load or motion.
@@ -223,7 +223,7 @@ def _rank(change: tuple[Path, Any]) -> int:
 
 
 def _with(node: Any, path: Path, value: Any) -> Any:
-    """Give a copy with one value changed."""
+    """Return a copy with one value changed."""
     if not path:
         return value
     step = path[0]
@@ -259,7 +259,7 @@ def _look_in_motion(scene: Scene, name: str, path: Path) -> None:
 
 
 def _own(motion: Motion | CrankMotion) -> Any:
-    """Give the speed of a motion that is one, whose fields are called as in a scene file."""
+    """Return the speed of a motion that is one, whose fields are called as in a scene file."""
     return motion.speed if isinstance(motion, Motion) and motion.speed is not None else motion
 
 

@@ -117,7 +117,7 @@ class Outcome:
 
 
 def in_text(value: Any) -> str:
-    """Give a value as text: short, and without addresses, which differ between processes.
+    """Return a value as text: short, and without addresses, which differ between processes.
 
     Of a law or another object with fields, those that are not at their defaults.
     """

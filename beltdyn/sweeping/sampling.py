@@ -136,7 +136,7 @@ def sample(
 
 
 def _shares(names: tuple[str, ...], n: int, method: str, seed: int, second_order: bool) -> Array:
-    """Give points in the unit cube (runs, k)."""
+    """Return points in the unit cube (runs, k)."""
     rng, k = np.random.default_rng(seed), len(names)
     if method == "random":
         return rng.random((n, k))

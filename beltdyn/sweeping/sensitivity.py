@@ -87,7 +87,7 @@ class Sensitivity:
         )
 
     def to_dataset(self) -> Any:
-        """Give all indices as one ``xarray.Dataset``, which can be written to a file."""
+        """Return all indices as one ``xarray.Dataset``, which can be written to a file."""
         xarray = optional_module("xarray", "to_dataset", "sweep")
         arrays = {"first": self.first, "first_conf": self.first_conf, **self._more}
         attributes = {
@@ -99,7 +99,7 @@ class Sensitivity:
         return xarray.Dataset({**arrays, "used": self.used}, attrs=attributes)
 
     def to_frame(self) -> Any:
-        """Give a ``pandas.DataFrame``: a row for each parameter and entry, a column for each index.
+        """Return a ``pandas.DataFrame``: a row a parameter and entry, a column an index.
 
         Second indices, which are of two parameters, are in ``second`` alone.
         """
@@ -276,7 +276,7 @@ def _quantity(dataset: Any, quantity: object) -> Any:
 
 
 def _by_run(dataset: Any, array: Any, design: Design) -> Array:
-    """Give the values by the number of the run (runs, ...), NaN where there is no such run."""
+    """Return the values by the number of the run (runs, ...), NaN where there is no such run."""
     runs = np.asarray(dataset["run"].values)
     count = design.runs
     good = runs.dtype.kind in "iu" and runs.size and runs.min() >= 0 and runs.max() < count
@@ -302,7 +302,7 @@ def _check_enough(dataset: Any, found: Sequence[Indices], design: Design, name: 
 
 
 def _failures(dataset: Any) -> str:
-    """Give " (3 runs failed, 2 were refused)" from the states of the runs, or nothing."""
+    """Return " (3 runs failed, 2 were refused)" from the states of the runs, or nothing."""
     if "status" not in dataset:
         return ""
     states, counts = np.unique(dataset["status"].values.astype(str), return_counts=True)

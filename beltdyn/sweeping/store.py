@@ -87,7 +87,7 @@ class Store:
         self._begun = self._written = time.monotonic()
 
     def find(self, keys: Collection[str]) -> dict[str, Outcome]:
-        """Give the outcomes that are there.
+        """Return the outcomes that are there.
 
         Raises:
             ValueError: A part is damaged.

@@ -222,7 +222,7 @@ class _Runs:
         self.done = 0
 
     def keys(self, version: str) -> list[str]:
-        """Give the key of each run in a store.
+        """Return the key of each run in a store.
 
         Raises:
             ValueError: A function has no content that can be known.
@@ -289,7 +289,7 @@ class _Runs:
         return Swept(self.dataset(), self._table.counts(), len(order), stored, settled, workers)
 
     def dataset(self) -> Any:
-        """Give what there is so far."""
+        """Return what there is so far."""
         job = self._job
         options = {"last": job.measure.last, **job.options}
         return self._table.dataset(
@@ -330,7 +330,7 @@ class _Runs:
 
 
 def as_scene(scene: Any) -> Scene:
-    """Give the scene of an argument.
+    """Return the scene of an argument.
 
     Raises:
         TypeError, ValueError: There is none; the scene's parts do not fit together.
@@ -369,7 +369,7 @@ def _check_options(options: Mapping[str, Any], points: Points) -> None:
 
 
 def _chains(points: Points, warm: object) -> list[int]:
-    """Give the run from whose end each starts; -1: none."""
+    """Return the run from whose end each starts; -1: none."""
     if warm is None:
         return [-1] * len(points.rows)
     if not points.axes:
@@ -395,7 +395,7 @@ def _order(scene: Scene, points: Points, runs: Sequence[int]) -> list[int]:
 
 
 def _kinds(scene: Scene, points: Points) -> set[str]:
-    """Give the kinds of all torques: "call" of a Python function, "function" of a compiled one."""
+    """Return the kinds of all torques: "call" of Python functions, "function" of compiled ones."""
     torques = [scene.torque_fn]
     if "torque" in points.names:
         torques = [row[points.names.index("torque")] for row in points.rows]
@@ -408,7 +408,7 @@ def _kinds(scene: Scene, points: Points) -> set[str]:
 
 
 def _in_python(scene: Scene, points: Points, measure: Measure) -> str:
-    """Tell why runs would keep the interpreter busy; "": they do not."""
+    """Return why runs would keep the interpreter busy; "": they do not."""
     if "call" in _kinds(scene, points):
         return "the torque is a Python function"
     motions = as_motions(scene.motion, scene.params.pulley_names)

@@ -169,7 +169,7 @@ class Work:
         )
 
     def _scene(self, values: Sequence[Any]) -> tuple[tuple[Any, ...], Scene, dict[str, Any]]:
-        """Give the scene of a run; drives with the same numbers are the same object."""
+        """Return the scene of a run; drives with the same numbers are the same object."""
         job = self.job
         drive = tuple(_hashable(values[k]) for k in self._of_drive)
         changes = dict(zip(job.names, values, strict=True))
@@ -215,7 +215,7 @@ class Work:
 
 
 def _hashable(value: Any) -> Hashable:
-    """Give something that differs where values differ, for looking up what was made of them."""
+    """Return something that differs where values differ, for looking up what was made of them."""
     try:
         hash(value)
     except TypeError:
@@ -227,7 +227,7 @@ def _hashable(value: Any) -> Hashable:
 
 
 def _where(error: BaseException) -> str:
-    """Tell which line of the user's own code raised an error, if one did."""
+    """Return which line of the user's own code raised an error, if one did."""
     frames = traceback.extract_tb(error.__traceback__)
     if len(frames) < 2 or frames[-1].filename.startswith(str(Path(__file__).parent.parent)):
         return ""

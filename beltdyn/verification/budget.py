@@ -93,7 +93,7 @@ class Plan:
         )
 
     def judge(self, result: Result, taken: float) -> tuple[Result, tuple[RunWarning, ...]]:
-        """Say in a result what was chosen, and warn if the budget was exceeded.
+        """Describe in a result what was chosen, and warn if the budget was exceeded.
 
         Args:
             result: The run.

@@ -186,14 +186,14 @@ class Pilot:
         return self._done[setting]
 
     def _first(self, settings: Iterable[Setting]) -> Done | None:
-        """Give the first run that does not fail."""
+        """Return the first run that does not fail."""
         return next((done for one in settings if (done := self._try(one)) is not None), None)
 
     def _affords(self, seconds: float) -> bool:
         return self.spent + seconds <= self._limit
 
     def off(self, seen: Observed) -> float:
-        """Give how far a run is from that on the finest mesh tried [1]."""
+        """Return how far a run is from that on the finest mesh tried [1]."""
         return self._difference(seen, self._finest)
 
     def _difference(self, a: Observed, b: Observed) -> float:
@@ -248,7 +248,7 @@ class Pilot:
             self.space_errors = np.maximum(self.space_errors, least).tolist()
 
     def _free(self, done: Done) -> float:
-        """Give the error of the mesh of a run as its result tells it, of tension if of no other."""
+        """Return the mesh error that the result of a run states, of the tension if of no other."""
         known = (done.told[name].space for name in (self._quantity, "tension"))
         return next((space for space in known if space is not None), math.inf)
 
@@ -265,7 +265,7 @@ class Pilot:
         return min(_FINEST, math.floor(self.meshes[-1] * beyond))
 
     def space_error(self, n_bodies: float) -> float:
-        """Give the error in space on a mesh [1], NaN if it is fixed."""
+        """Return the error in space on a mesh [1], NaN if it is fixed."""
         if n_bodies < self.meshes[0]:
             return math.inf
         if n_bodies >= self.meshes[-1]:
@@ -273,7 +273,7 @@ class Pilot:
         return _between(n_bodies, self.meshes, self.space_errors)
 
     def links_for(self, error: float) -> int:
-        """Give the least number of links with an error in space within a limit."""
+        """Return the least number of links with an error in space within a limit."""
         if self._fixed or self.space_error(self.meshes[0]) <= error:
             return self.meshes[0]
         low, high = self.meshes[0], 100 * _FINEST
@@ -350,18 +350,18 @@ class Pilot:
             self.time_errors[method, rtol] = self._difference(done.seen, exact.seen)
 
     def _probe(self, n_bodies: int) -> Setting | None:
-        """Give the setting that was tried first on a mesh."""
+        """Return the setting that was tried first on a mesh."""
         return next((one for one in self._done if one.n_bodies == n_bodies), None)
 
     def _explicit(self, n_b: int, error: float, cpu: float) -> Iterable[tuple[str, float]]:
-        """Give the explicit setting, unless on the mesh looked for it is far too slow."""
+        """Yield the explicit setting, unless on the mesh looked for it is far too slow."""
         a, b = _EXPLICIT_COST
         seconds = self._span() * self._bound(n_b) / _EXPLICIT_STEP * (a + b * n_b)
         if seconds <= cpu:
             yield "tsit5", float(np.clip(error, 1e-7, 1e-1))
 
     def _span(self) -> float:
-        """Give the simulated time [s]."""
+        """Return the simulated time [s]."""
         seen = next(iter(self._done.values())).seen
         return float(seen.t[-1] - seen.t[0])
 
@@ -371,7 +371,7 @@ class Pilot:
     # --- forecasts ---
 
     def _there(self, method: str, rtol: float) -> tuple[float, float]:
-        """Give the error in time [1] and the CPU time [s] on ``time_mesh``.
+        """Return the error in time [1] and the CPU time [s] on ``time_mesh``.
 
         Of a tolerance that was not tried, from the tightest that was.
         """
@@ -386,7 +386,7 @@ class Pilot:
         return min((rtol for name, rtol in self.time_errors if name == method), default=0.0)
 
     def seconds(self, setting: Setting) -> float:
-        """Give the CPU time of a run at a setting of :meth:`settings` [s]."""
+        """Return the CPU time of a run at a setting of :meth:`settings` [s]."""
         cpu = self._there(setting.method, setting.rtol)[1]
         if setting.method == "tsit5":
             a, b = _EXPLICIT_COST
@@ -395,7 +395,7 @@ class Pilot:
         return cpu * self._probe_cost(setting.n_bodies) / self._probe_cost(self.time_mesh)
 
     def _probe_cost(self, n_bodies: int) -> float:
-        """Give the CPU time of the runs on all meshes, between and beyond them [s]."""
+        """Return the CPU time of the runs on all meshes, between and beyond them [s]."""
         meshes, cost = self.meshes, self._probed if not self._fixed else [1.0]
         if len(meshes) == 1:
             return cost[0] * n_bodies / meshes[0]
@@ -405,7 +405,7 @@ class Pilot:
         return float(cost[-1] * (n_bodies / meshes[-1]) ** float(np.clip(growth, *_GROWTH)))
 
     def forecast(self, setting: Setting) -> Forecast:
-        """Give what to expect of a setting of :meth:`settings`."""
+        """Return what to expect of a setting of :meth:`settings`."""
         return Forecast(
             setting=setting,
             seconds=self.seconds(setting),
@@ -415,7 +415,7 @@ class Pilot:
         )
 
     def cheapest(self, error: float) -> Forecast | None:
-        """Give the cheapest setting for an error, None if none is known to reach it.
+        """Return the cheapest setting for an error, None if none is known to reach it.
 
         A mesh between those tried is tried as well: there the error may jump.
         """
@@ -465,7 +465,7 @@ class Pilot:
         ]
 
     def best(self, affordable: Callable[[Forecast], bool] = lambda _one: True) -> Forecast | None:
-        """Give the most accurate of all settings that are affordable, None if none is."""
+        """Return the most accurate of all settings that are affordable, None if none is."""
         forecasts = [one for one in map(self.forecast, self.settings()) if affordable(one)]
         least_error = min((one.error for one in forecasts), default=0.0)
         good = (one for one in forecasts if one.error <= _AS_GOOD * least_error)

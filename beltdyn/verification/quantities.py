@@ -89,7 +89,7 @@ class Observed:
 
 
 def with_links(params: Params, n_bodies: int) -> Params:
-    """Give the same drive on a finer or coarser mesh: belt data are per length.
+    """Return the same drive on a finer or coarser mesh: belt data are per length.
 
     Args:
         params: The drive.
@@ -152,7 +152,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
 
 
 def differences(a: Observed, b: Observed, until: float | None = None) -> dict[str, float]:
-    """Give how far two runs differ, by quantity, relative to the scales of ``b`` [1].
+    """Return how far two runs differ, by quantity, relative to the scales of ``b`` [1].
 
     Of histories, the root mean square over time and pulleys; of means, the largest difference of a
     pulley. A quantity that has no scale in either run, such as the speed of a belt at rest, gives
@@ -184,13 +184,13 @@ def differences(a: Observed, b: Observed, until: float | None = None) -> dict[st
 
 
 def _time_mean(values: Array, weights: Array) -> Array:
-    """Give the weighted mean over time, the first axis; samples of weight 0 do not count."""
+    """Return the weighted mean over time, the first axis; samples of weight 0 do not count."""
     used = weights > 0.0
     return np.asarray(np.tensordot(weights[used], values[used], axes=(0, 0)))
 
 
 def _creep(rims: Array, speed: float) -> Array:
-    """Give what the rims' mean speeds lack of the fastest of them, over the belt's speed (n_p,)."""
+    """Return the creep of each pulley relative to the fastest rim (n_p,) [1]."""
     if speed == 0.0:
         return np.zeros_like(rims)
     fastest = rims[np.argmax(np.abs(rims))]

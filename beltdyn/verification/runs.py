@@ -23,7 +23,7 @@ __all__ = ["Done", "Reached", "Runs", "whole_scene"]
 
 
 def whole_scene(value: object) -> Scene:
-    """Give a scene that can be run, from one or from a tuple of its parts.
+    """Return a scene that can be run, from one or from a tuple of its parts.
 
     Raises:
         TypeError: It is neither.
@@ -138,7 +138,7 @@ class Runs:
         )
 
     def start(self, n_bodies: int) -> State | None:
-        """Give the state to start from on a mesh; None if the run itself has to arrange it."""
+        """Return the state to start from on a mesh; None if the run itself has to arrange it."""
         if self._initial is not None:
             return self._initial
         if self.scene.motion:  # which may begin at speed

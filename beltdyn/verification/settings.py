@@ -48,7 +48,7 @@ class Setting:
 
 
 def fewest(params: Params) -> int:
-    """Give the least number of links that still lie round every pulley; of cells the least."""
+    """Return the least number of links that still lie round every pulley; of cells the least."""
     if params._belt_facts["flows"]:
         return CELLS * len(params.pulleys)
     radius = min(pulley.radius for pulley in params.pulleys)
@@ -56,6 +56,6 @@ def fewest(params: Params) -> int:
 
 
 def meshes(params: Params) -> tuple[int, ...]:
-    """Give numbers of links about those of a drive, each twice the one before."""
+    """Return numbers of links about those of a drive, each twice the one before."""
     n_b, least = params.n_bodies, fewest(params)
     return tuple(n for n in (round(share * n_b) for share in _SHARES) if n >= least)

@@ -30,7 +30,7 @@ def space_error(
     fine: tuple[float, Observed] | None,
     until: float = math.inf,
 ) -> tuple[float | None, float | None]:
-    """Give the error of the mesh of a run, relative to the scale of the quantity, and its order.
+    """Return the error of the mesh of a run, relative to the scale of the quantity, and its order.
 
     Two estimates are made, and their root mean square is given, because either can be small by
     chance: what a mesh makes wrong has a trend with the number of links, and a part that depends on
@@ -81,7 +81,7 @@ def space_error(
 
 
 def _difference(quantity: str, a: Observed, b: Observed, run: Observed, until: float) -> Array:
-    """Give the difference as one vector; of histories, its length is the root mean square."""
+    """Return the difference as one vector; of histories, its length is the root mean square."""
     scale = run.scales[quantity] or max(a.scales[quantity], b.scales[quantity]) or 1.0
     apart = (getattr(a, quantity) - getattr(b, quantity)) / scale
     if quantity in HISTORIES:

@@ -154,7 +154,7 @@ class Verification:
             self._pool.shutdown(cancel_futures=True)
 
     def judge(self, result: Result, start: State) -> Accuracy:
-        """Give the accuracy of the run, once it has finished.
+        """Return the accuracy of the run, once it has finished.
 
         Args:
             result: The run.
@@ -241,7 +241,7 @@ class Verification:
         return tuple(errors)
 
     def _of_contact(self, observed: Observed) -> dict[str, float]:
-        """Give what the compliance of the contact changes, under the load of the last part."""
+        """Return what the compliance of the contact changes, under the load of the last part."""
         tension = observed.span_mean
         if not (np.isfinite(tension).all() and tension.min() >= 0.0 and tension.max() > 0.0):
             return compliance_error(self._params)
@@ -253,7 +253,7 @@ class Verification:
     # --- the runs ---
 
     def _time(self, methods: Sequence[str], start: State) -> _Check | str:
-        """Give what a tighter integration of the same mesh shows, by the first to get through."""
+        """Return what a tighter integration of the same mesh shows, by the first to get through."""
         tried = ""
         for method in methods:
             if self._in_time is not None and self._in_time[0] == method:
@@ -266,11 +266,11 @@ class Verification:
         return f"error in time not verified: {tried}"
 
     def _explicit_steps(self, duration: float) -> float:
-        """Give how many steps "tsit5" takes where stability limits them."""
+        """Return how many steps "tsit5" takes where stability limits them."""
         return duration * self._params.info["spectral_bound"] / STABLE
 
     def _methods(self, used: str, steps: float, duration: float) -> list[str]:
-        """Give the methods that can check a run, which took so many steps, the best first."""
+        """Return the methods that can check a run, which took so many steps, the best first."""
         affordable = AFFORDABLE * self._params._belt_facts["implicit_cost"] * steps
         if used == "tsit5" or self._explicit_steps(duration) > affordable:
             return ["rodas4"]
@@ -294,7 +294,7 @@ class Verification:
         return max(3, round(ratio * self._params.n_bodies))
 
     def _finer(self, n_bodies: int) -> float:
-        """Give how much finer a mesh of so many links is; by cells on pulleys, of which it is."""
+        """Return how much finer a mesh of so many links is; by cells on pulleys, of which it is."""
         own, flows = self._params, self._params._belt_facts["flows"]
         spans = len(own.pulleys) if flows else 0
         if flows:
@@ -302,7 +302,7 @@ class Verification:
         return (n_bodies - spans) / (own.n_bodies - spans)
 
     def _mesh(self, ratio: float) -> _Check | str:
-        """Give what another mesh shows, run here unless the other thread has begun it."""
+        """Return what another mesh shows, run here unless the other thread has begun it."""
         future = self._meshes.get(ratio)
         if future is None or future.cancel():
             return self._on_mesh(ratio)
@@ -367,7 +367,7 @@ class Verification:
 
 
 def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -> State | None:
-    """Give the state on another mesh, if it is one that settling gives there as well.
+    """Return the state on another mesh, if it is one that settling gives there as well.
 
     Links have positions of their own, to within the depth of the contact; a state that is moved to
     other links would begin with a shock.
@@ -385,7 +385,7 @@ def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -
 
 
 def _same(one: State, other: State, scale: float) -> bool:
-    """Tell whether links stand and move alike, positions to 1e-9 of a scale [m]."""
+    """Return whether links stand and move alike, positions to 1e-9 of a scale [m]."""
     places = ["x", "y", "phi", "m", "a", "mu", "slip"]
     if one.mu.shape != other.mu.shape:  # states of laws with other numbers of them
         if one.mu.any() or other.mu.any():
@@ -398,13 +398,13 @@ def _same(one: State, other: State, scale: float) -> bool:
 
 
 def _apart_from(result: Result) -> float | None:
-    """Give when histories begin to part exponentially [s], None if they were not seen to."""
+    """Return when histories begin to part exponentially [s], None if they were not seen to."""
     times = [one.t for one in result.warnings if one.code == "growth" and one.t is not None]
     return min(times, default=None)
 
 
 def _until(result: Result, observed: Observed, in_time: _Check | str, limit: float) -> float | None:
-    """Give the time from which on histories part, seen by either run or in their difference."""
+    """Return the time from which on histories part, seen by either run or in their difference."""
     times = [_apart_from(result)]
     if isinstance(in_time, _Check):
         times += [in_time.apart_from, _parting(observed, in_time.observed, limit)]
@@ -412,7 +412,7 @@ def _until(result: Result, observed: Observed, in_time: _Check | str, limit: flo
 
 
 def _parting(a: Observed, b: Observed, limit: float) -> float | None:
-    """Give the last time at which tensions differ by a tenth of a limit that they differ by later.
+    """Return the last time at which tensions differ by a tenth of a limit exceeded later.
 
     The limit is relative to the mean tension, and far beyond what the tolerance explains.
     """

@@ -71,7 +71,7 @@ def count(linear: Linear, low: float, high: float, damping: float, steps: int) -
 
 
 def _argument(linear: Linear, rate: float) -> Callable[[complex], float]:
-    """Give the argument of det(z - J) / z^m as a function of z."""
+    """Return the argument of det(z - J) / z^m as a function of z."""
     sparse, linalg = scipy_sparse()
     matrix = linear.scaled(rate)[1]
     one = sparse.identity(linear.size, format="csc")
@@ -99,5 +99,5 @@ def _odd(permutation: Any) -> bool:
 
 
 def _turn(angle: float) -> float:
-    """Give the same angle between -pi and pi."""
+    """Return the same angle between -pi and pi."""
     return float((angle + np.pi) % (2.0 * np.pi) - np.pi)

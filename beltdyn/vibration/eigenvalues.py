@@ -85,7 +85,7 @@ class _Krylov:
 
 
 def _disc(linear: Linear, shift: complex, radius: float) -> tuple[Found, bool]:
-    """Give the eigenvalues in the disc round a shift that have converged; whether that is all."""
+    """Return the eigenvalues in the disc round a shift that have converged; whether that is all."""
     most = min(MOST, linear.size) // BLOCK - 1
     space, blocks = _Krylov(linear, shift), min(BLOCKS, most)
     space.grow(blocks)

@@ -32,7 +32,7 @@ RTOL = 1e-5
 def imbalance(
     params: Params, state: State, torque: TorqueLike | None, prescribed: tuple[int, ...]
 ) -> tuple[float, str]:
-    """Give the largest force left over against the belt's tension, and on what.
+    """Return the largest force left over against the belt's tension, and on what.
 
     Torques count as forces at the rim of a pulley, or at a mount's axis. Without torques those that
     keep the pulleys' speeds are taken as constant: nothing is left over on pulleys.
@@ -63,7 +63,7 @@ def imbalance(
 def _forces(
     params: Params, rate: Mapping[str, Any], core: Mapping[str, Any], held: tuple[int, ...]
 ) -> list[tuple[float, str]]:
-    """Give the forces left over [N], each with what it acts on."""
+    """Return the forces left over [N], each with what it acts on."""
     if params._belt_facts["flows"]:
         beside = np.asarray(core["m"])
         mass = params.belt.linear_density * 0.5 * (beside + np.roll(beside, 1))

@@ -53,7 +53,7 @@ _SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
 
 
 def scipy_sparse() -> tuple[Any, Any]:
-    """Give scipy.sparse and scipy.sparse.linalg.
+    """Return scipy.sparse and scipy.sparse.linalg.
 
     Raises:
         ImportError: SciPy is not installed; the message says what to install.
@@ -107,7 +107,7 @@ class Linear:
         return int(self.names.size)
 
     def rows(self, name: str) -> NDArray[np.intp]:
-        """Give where a field's unknowns stand."""
+        """Return where a field's unknowns stand."""
         return np.flatnonzero(self.names == name)
 
     def field(self, vector: Complex, name: str) -> Complex:
@@ -130,13 +130,13 @@ class Linear:
         return np.where(fast, rate, 1.0) * self.unit
 
     def scaled(self, rate: float) -> tuple[Array, Any]:
-        """Give these sizes (n,) and the matrix (n, n) in them as units."""
+        """Return these sizes (n,) and the matrix (n, n) in them as units."""
         sparse, _ = scipy_sparse()
         size = self.norms(rate)
         return size, (sparse.diags(1.0 / size) @ self.matrix @ sparse.diags(size)).tocsc()
 
     def displaced(self, eta: Array) -> dict[str, Any]:
-        """Give the state moved by a small eta (n,), as the core takes it; friction as it was.
+        """Return the state moved by a small eta (n,), as the core takes it; friction as it was.
 
         On a friction that is nearly full a small step would be beyond what the core takes.
         """

@@ -49,7 +49,7 @@ def states_over(
     prescribed: tuple[int, ...],
     phases: int,
 ) -> list[State]:
-    """Give the states at phases of a passing, from runs: at rest with all speeds zero."""
+    """Return the states at phases of a passing, from runs: at rest with all speeds zero."""
     core = state._to_core(params)
     a = passing_of(params, core)
     if torque is None:

@@ -129,7 +129,7 @@ class Modes:
         return "\n".join([*html.paragraphs(above), shown, *html.paragraphs(below)])
 
     def _told(self) -> tuple[list[str], list[tuple[str, str, str]], list[str]]:
-        """Give the lines above the modes; of each frequency, damping, name; the lines below."""
+        """Return the lines above the modes; of each frequency, damping, name; the lines below."""
         running = f"belt running at {abs(self.speed):.4g} m/s" if self.speed else "at rest"
         held = ", ".join(self.prescribed) or "none"
         above = [f"Modes of the drive, {running}; pulleys of prescribed motion: {held}"]

@@ -164,7 +164,7 @@ def modes(
 
 
 def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> None:
-    """Tell of motions that grow, and of modes of which a damping below -0.1 % is not the mesh's."""
+    """Warn of motions that grow: of modes whose damping below -0.1 % is not the mesh's."""
     told = [
         f"{name} grows by {value.real:.3g} 1/s" for value, name in zip(grows, names, strict=True)
     ]
@@ -290,7 +290,7 @@ def _without_turning(linear: Linear, found: Found) -> tuple[Found, complex | Non
 
 
 def _least_damped(found: Found, n: int, most: float) -> tuple[Found, int]:
-    """Give the lowest n of a damping ratio below ``most``, and how many others are below these."""
+    """Return the lowest n with a damping ratio below ``most``, and how many others lie below."""
     keep = np.flatnonzero(-found[0].real < most * abs(found[0]))[:n]
     left_out = int(keep[-1]) + 1 - keep.size if keep.size else 0
     return (found[0][keep], found[1][:, keep]), left_out
@@ -303,7 +303,7 @@ def _of_bodies(still: Found, shares: parts.Participation) -> Found:
 
 
 def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
-    """Give the scatter that T s makes (see :func:`modes`), s of each end of a wrap for itself.
+    """Return the scatter that T s makes (see :func:`modes`), s of each end of a wrap for itself.
 
     It is even within a link. The stiffness of a mode is twice its kinetic energy.
     """

@@ -114,7 +114,7 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
 
 
 def _of_belt(linear: Linear, vectors: Complex, where: Sections) -> tuple[Array, Array]:
-    """Give twice the kinetic energies of the belt (n,), and of it across its spans (n, n_p)."""
+    """Return twice the kinetic energies of the belt (n,), and of it across its spans (n, n_p)."""
     params, info = linear.params, linear.params.info
     n_p, n = len(params.pulleys), vectors.shape[1]
     if params._belt_facts["flows"]:
@@ -145,7 +145,7 @@ def _of_cells(linear: Linear) -> dict[str, Array]:
 
 
 def moves(linear: Linear, vectors: Complex, rates: Any) -> tuple[Complex, Complex]:
-    """Give how far links, or the belt where cells begin, move in x and y (n_b, n) [m].
+    """Return how far links, or the belt where cells begin, move in x and y (n_b, n) [m].
 
     Belt that flows moves by its velocity over the rate [1/s] along itself, as if at rest, and with
     the axes of the pulleys across.
@@ -199,7 +199,7 @@ def steady_share(linear: Linear, vectors: Complex) -> Array:
 
 
 def same_modes(own: Complex, others: Complex) -> tuple[NDArray[np.intp], Array]:
-    """Give which of other modes each of one's own is (n,), and how much they are alike (n,), to 1.
+    """Return the other mode that each own one corresponds to (n,), and their likeness to 1 (n,).
 
     Alike are those of which the modal assurance criterion, by energies, has the largest sum.
     """
@@ -212,7 +212,7 @@ def same_modes(own: Complex, others: Complex) -> tuple[NDArray[np.intp], Array]:
 def names(
     linear: Linear, vectors: Complex, where: Sections, shares: Participation
 ) -> tuple[str, ...]:
-    """Say in words what moves most in each mode."""
+    """Describe in words what moves most in each mode."""
     return tuple(_name(linear, vectors[:, [k]], where, shares, k) for k in range(vectors.shape[1]))
 
 
@@ -281,7 +281,7 @@ def _rotation(
 def _rotating(
     params: Params, linear: Linear, vector: Complex, shares: Array
 ) -> tuple[list[str], Array, Complex]:
-    """Give names, energies and moves at the rim of what turns: pulleys, of coupled ones both parts.
+    """Return names, energies and rim motions of what turns: pulleys, both parts of coupled ones.
 
     The energy of a pulley is that of both; it goes to each by its inertia.
     """

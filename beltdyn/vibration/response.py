@@ -102,7 +102,7 @@ def frequency_response(
     loads: TorqueLike | None = None,
     phases: int = 1,
 ) -> FrequencyResponse:
-    """Give the response of a drive to a small harmonic torque or motion.
+    """Return the response of a drive to a small harmonic torque or motion.
 
     Args:
         params: The drive.
@@ -197,7 +197,7 @@ def _amplitude(name: str, value: Any) -> complex:
 
 
 def _mesh_turning(mesh: tuple[Array, Array, float | None] | None, at: Array) -> float:
-    """Give the frequency that the mesh makes of the drive's turning [Hz]; warn if it stays."""
+    """Return the frequency that the mesh makes of the drive's turning [Hz]; warn if it stays."""
     if mesh is None:
         return 0.0
     if mesh[2] is None:
@@ -249,7 +249,7 @@ def _solve(
 
 
 def _forces(linear: Linear, vectors: Complex, theta: Complex, omega: Complex) -> Complex:
-    """Give the forces in the joints (n_f, n_b), linear in the motion: by central differences."""
+    """Return the forces in the joints (n_f, n_b), linear in the motion: by central differences."""
     model = linear.params._model
     size = linear.norms(1.0)
     place = np.isin(linear.names, ["x", "y", "m", "a", "theta", "travel"])

@@ -20,7 +20,7 @@ _ANGLE, _SPEED, _RELATIVE = 1e-5, 1e-4, 1e-4
 
 
 def torques_at(params: Params, core: Mapping[str, Any], torque: TorqueLike) -> Array:
-    """Give the set torques at a state (n_p,) [N m], as the core evaluates them in a run."""
+    """Return the set torques at a state (n_p,) [N m], as the core evaluates them in a run."""
     now = float(core["t"])
     run = _core.Simulation(
         params._model,
@@ -38,7 +38,7 @@ def torques_at(params: Params, core: Mapping[str, Any], torque: TorqueLike) -> A
 
 
 def torque_slopes(params: Params, state: State, torque: TorqueLike) -> tuple[Array, Array]:
-    """Give the derivatives of the set torques by angles and by speeds, (n_p, n_p) each.
+    """Return the derivatives of the set torques by angles and by speeds, (n_p, n_p) each.
 
     By central differences, over steps of 1e-5 rad and of 1e-4 of the speed.
     """
@@ -61,7 +61,7 @@ def torque_slopes(params: Params, state: State, torque: TorqueLike) -> tuple[Arr
 
 
 def balancing(params: Params, core: Mapping[str, Any], prescribed: tuple[int, ...]) -> Array:
-    """Give the torques (n_p,) [N m] that hold the pulleys' speeds, 0 on those prescribed."""
+    """Return the torques (n_p,) [N m] that hold the pulleys' speeds, 0 on those prescribed."""
     n_p = len(params.pulleys)
     rate = params._model.rate(core, np.zeros(n_p))["omega"]
     held = -rate * params.shaft_inertias

@@ -24,7 +24,7 @@ SLOW, LOSSY = 1e-4, 0.1
 
 
 def rigid_turning(linear: Linear) -> Array:
-    """Give the unknowns (size,) as the drive turns with the belt at 1 m/s, displaced by 1 m."""
+    """Return the unknowns (size,) as the drive turns with the belt at 1 m/s, displaced by 1 m."""
     core, params = linear.state, linear.params
     radii = np.array([pulley.radius for pulley in params.pulleys])
     way = {"theta": params.route.senses / radii}
@@ -45,7 +45,7 @@ def rigid_turning(linear: Linear) -> Array:
 
 
 def _filled(linear: Linear, way: dict[str, Array]) -> Array:
-    """Give a vector (size,) from values of fields."""
+    """Return a vector (size,) from values of fields."""
     out = np.zeros(linear.size)
     for name, values in way.items():
         rows = linear.rows(name)
@@ -62,7 +62,7 @@ def rigid_share(linear: Linear, vectors: Complex) -> Array:
 
 
 def rigid_rates(linear: Linear) -> tuple[float, float]:
-    """Give the stiffness [1/s^2] and damping [1/s] of set torques against it, over its inertia."""
+    """Return stiffness [1/s^2] and damping [1/s] of set torques against it, over inertia."""
     if linear.torque_slopes is None:
         return 0.0, 0.0
     params = linear.params
@@ -74,7 +74,7 @@ def rigid_rates(linear: Linear) -> tuple[float, float]:
 
 
 def turning_of(linear: Linear, values: Complex, vectors: Complex) -> int | None:
-    """Give which of modes is the mesh's resistance to turning, or None.
+    """Return which of modes is the mesh's resistance to turning, or None.
 
     It is the one that has most of the turning, at least 0.9 of its energy; none where a pulley's
     motion is prescribed, and none where set torques make more than half of its stiffness.
@@ -89,7 +89,7 @@ def turning_of(linear: Linear, values: Complex, vectors: Complex) -> int | None:
 
 
 def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
-    """Give the mesh's stiffness against turning as a rank-one term to add to J.
+    """Return the mesh's stiffness against turning as a rank-one term to add to J.
 
     With M the masses and t the turning, K - k (M t)(M t)^T / (t^T M t) has a free turning for the k
     that is given, 1 over the static displacement along t by a force M t / (t^T M t), less what set

@@ -30,7 +30,7 @@ __all__ = [
 
 
 def changed(params: Params, changes: Mapping[str, Any]) -> Params:
-    """Give the drive with parameters changed by name, as ``{"belt.axial_damping": 0.0}``."""
+    """Return the drive with parameters changed by name, as ``{"belt.axial_damping": 0.0}``."""
     drive: Params = assign(params, [(path_in(params, name), changes[name]) for name in changes])
     return drive
 
@@ -94,7 +94,7 @@ def tensioned(mount: Mount, changes: Mapping[str, Any] | None = None) -> Params:
 
 
 def scaled(scene: Scene, size: float) -> Scene:
-    """Give the scene with its length in a unit ``size`` times as small, forces with it.
+    """Return the scene with its length in a unit ``size`` times as small, forces with it.
 
     Masses and times are as they are: a force is ``size`` times as large, a torque its square. For
     two pulleys with a contact, Dahl friction and torques over time alone.

@@ -42,13 +42,13 @@ class HardScene(Scene):
     _theory: Callable[[HardScene, Result], float] | None
 
     def _replace(self, **changes: Any) -> HardScene:
-        """Give a copy with fields of the scene changed; all else stays."""
+        """Return a copy with fields of the scene changed; all else stays."""
         copy = type(self)(**{**self._asdict(), **changes})
         vars(copy).update(vars(self))
         return copy
 
     def initial(self) -> State | None:
-        """Give the state in which the run starts; None: settled at rest, as ``simulate`` does.
+        """Return the state in which the run starts; None: settled at rest, as ``simulate`` does.
 
         Raises:
             SimulationError: The belt does not settle.
@@ -79,7 +79,7 @@ class HardScene(Scene):
         return None if self._theory is None else self._theory(self, result)
 
     def with_belt(self, model: str) -> HardScene | None:
-        """Give the same drive with its belt made of something else.
+        """Return the same drive with its belt made of something else.
 
         Args:
             model: "joint", links that meet the pulleys along their length; "string", point masses

@@ -41,7 +41,7 @@ MESH = 0.03
 
 
 def _last(result: Result, share: float = 0.3) -> slice:
-    """Give the samples of the last part of a run."""
+    """Return the samples of the last part of a run."""
     return slice(int((1.0 - share) * result.t.size), None)
 
 
