@@ -25,7 +25,7 @@ from .study_rows import quantity_of
 __all__ = ["Suggestion", "suggest"]
 
 #: CPU time of a run of links [s] from which on an ALE belt is tried.
-DEAR = 0.5
+MIN_CPU_TIME = 0.5
 
 
 @attrs.frozen(kw_only=True, repr=False)
@@ -197,9 +197,9 @@ def _suggestion(
 
 
 def _flowing(one: Forecast, pilot: Pilot, scene: Scene) -> tuple[float, float] | None:
-    """Run the scene with an ALE belt, if links are dear: CPU time and error, if it is cheaper."""
+    """Run the scene with an ALE belt, if links take long: CPU time and error, if it is cheaper."""
     other = cells.instead(scene.params)
-    if other is None or one.seconds < DEAR:
+    if other is None or one.seconds < MIN_CPU_TIME:
         return None
     runs = Runs(scene._replace(params=other), simulate, settle)
     try:

@@ -129,7 +129,7 @@ def from_table(
 
 
 class Printable:
-    """Base of classes whose fields have a rule or are such classes, or None: prints them all."""
+    """Mixin: ``str()`` lists each field with its value, unit and meaning."""
 
     __slots__ = ()
 

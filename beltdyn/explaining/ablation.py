@@ -49,7 +49,7 @@ __all__ = [
 
 #: What is compared, in the order of the table.
 ANSWERS = ("tension, mean", "tension, range", "speed, mean", "speed, range")
-#: Of the largest change in a part of the window, for what differs in other runs of the kind.
+#: Safety factor on the largest change in any part of the window: other runs of the kind differ.
 SAFETY = 4.0
 #: Changes are taken to go on growing by at most as much.
 MOST_GROWTH = 10.0

@@ -33,8 +33,8 @@ _PLANNED, _SPENT = 0.8, 0.9
 #: Part of a window, if it is not all of the run, that ranks the effects. The time that is left then
 #: goes into runs as long as possible, without what may go.
 _RANKING = 0.5
-#: CPU time of what is no run: passes and their run [s].
-_MEASURING = 0.4
+#: CPU time spent on timing the passes of a step, with the run for that [s].
+_PROFILING_TIME = 0.4
 #: Runs besides those with one effect left out, in such runs: the window is looked for, the run with
 #: all effects, that at a tighter tolerance takes twice as long, that with all advice.
 _MORE_RUNS = 5
@@ -184,7 +184,7 @@ def explain(
     )
     runs = _MORE_RUNS + len(removals_of(scene)) if flag("ablation", ablation) else _MORE_RUNS
     with silenced():
-        window = find_window(drive, max(0.0, _PLANNED * allowed - _MEASURING) / runs)
+        window = find_window(drive, max(0.0, _PLANNED * allowed - _PROFILING_TIME) / runs)
         if window.end < window.asked:
             window = attrs.evolve(window, end=_RANKING * window.end)
         sim = _start(drive, window.final, drive.method)

@@ -30,7 +30,7 @@ _Out = TypeVar("_Out")
 _IN_THREADS, _ELSEWHERE = 0.1, 0.5
 
 #: How often processes look whether the one that began the sweep is still there [s].
-_WATCHED = 0.5
+_PARENT_CHECK_INTERVAL = 0.5
 
 
 def _available() -> int:
@@ -198,7 +198,7 @@ def _begin(parent: int) -> None:
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(_WATCHED)
+            time.sleep(_PARENT_CHECK_INTERVAL)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()

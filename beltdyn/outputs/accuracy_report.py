@@ -42,7 +42,7 @@ SPACE_FLOOR = 1e-4
 LOOKS = 100
 
 #: Least friction force by which its errors are measured, as a share of the tension.
-FAINT = 1e-2
+MIN_FRICTION = 1e-2
 
 #: The quantities whose error in time the integration estimates.
 TENSIONS = ("tension", "span_mean")
@@ -401,7 +401,7 @@ def _of_mesh(run: Run) -> dict[str, float]:
     losses = (run.energy.contact_loss, run.energy.friction_loss)
     lost = sanity.mesh_loss(params, *(float(one[-1] - one[first]) for one in losses))
     lost /= float(t[-1] - t[first])
-    carried = seen.speed * max(seen.pull, FAINT * tension)
+    carried = seen.speed * max(seen.pull, MIN_FRICTION * tension)
     # a link at the ends of arcs, in the belt's forces and means
     half = 0.0 if params._belt_facts["flows"] else 0.5 / params.info["n_bodies"]
     if carried > 0.0:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import attrs
 
 from ..drive.mounts import KINDS
-from .rows import Creep, Cycle, MountRow, Power, PulleyRow, SpanRow, Spread, Told
+from .rows import Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
 __all__ = ["Number", "numbers", "quantities"]
 
@@ -115,7 +115,7 @@ def _unit(row: Any, field: str) -> str:
     return _UNITS[type(row)].get(field, "1")
 
 
-def numbers(report: Told) -> list[Number]:
+def numbers(report: ReportData) -> list[Number]:
     """Return all that is known, angles in rad: part, name, quantity, unit, value, text.
 
     Of the run itself as part "report": its window, driver and belt speed, whether it is steady, the

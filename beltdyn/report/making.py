@@ -26,7 +26,7 @@ __all__ = ["creep_of", "make_report"]
 #: Share of the exponent mu wrap from which on it is said that bending takes it off.
 NOTABLE = 0.01
 #: Turns of a pulley in the window below which it is said how many, and those of one that stands.
-FEW, STANDS = 5.0, 0.01
+MIN_TURNS, STANDSTILL_TURNS = 5.0, 0.01
 #: Power over the largest one of a pulley that only runs along.
 IDLE = 0.01
 
@@ -163,7 +163,7 @@ def _turns(window: Window) -> list[str]:
         power = window.mean(np.abs(window.of(run.pulleys.torque) * window.of(run.pulleys.omega)))
         turns = np.where(power > IDLE * power.max(initial=0.0), turns, np.inf)
     slowest = int(np.argmin(turns))
-    if not STANDS < turns[slowest] < FEW:
+    if not STANDSTILL_TURNS < turns[slowest] < MIN_TURNS:
         return []
     return [
         f"the window holds {turns[slowest]:.2g} turns of {run.params.label(slowest)}: what changes "

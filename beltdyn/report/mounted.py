@@ -17,7 +17,7 @@ __all__ = ["mount_rows"]
 
 #: Least amplitude of a line in the travel, of a turn of one radian or of the pulley's radius: below
 #: it is what rounding and tolerances leave.
-FAINT = 1e-6
+MIN_AMPLITUDE = 1e-6
 _FORCES = {
     "spring": "spring_force",
     "damper": "damper_force",
@@ -60,7 +60,7 @@ def mount_rows(
                 low, high = mount.stops
                 row["to_stop"] = spread(window, np.minimum(travel - low, high - travel))
             row["travel"] = spread(window, travel)
-            least = FAINT * (1.0 if mount._row.angle else params.pulleys[k].radius)
+            least = MIN_AMPLITUDE * (1.0 if mount._row.angle else params.pulleys[k].radius)
             line = None if uneven(window) else dominant(window.t, travel)
             if line is not None and line.amplitude > least:
                 row |= {"frequency": line.frequency, "amplitude": line.amplitude}

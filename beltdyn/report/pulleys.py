@@ -18,7 +18,7 @@ from .window import OF_ARCS, Window, missing
 __all__ = ["pulley_rows", "spread"]
 
 #: Of the tension at rest: a force below it is rounding, and has no direction.
-FAINT = 1e-6
+NEGLIGIBLE_FORCE = 1e-6
 
 
 def spread(window: Window, samples: Array, passing: float = 0.0) -> Spread | None:
@@ -116,7 +116,7 @@ def _hub_loads(window: Window, k: int) -> dict[str, Any]:
     load = window.of(window.run.pulleys.load)[:, k]
     hub = spread(window, np.hypot(load[:, 0], load[:, 1]))
     x, y = window.mean(load)
-    if math.hypot(x, y) < FAINT * float(window.params.info["strain_tension"]):
+    if math.hypot(x, y) < NEGLIGIBLE_FORCE * float(window.params.info["strain_tension"]):
         return {"hub_load": hub}
     return {"hub_load": hub, "hub_direction": math.atan2(y, x)}
 

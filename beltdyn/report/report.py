@@ -10,13 +10,13 @@ import attrs
 
 from ..base.checks import flag
 from . import brief, flat, text
-from .rows import Told
+from .rows import ReportData
 
 __all__ = ["Report"]
 
 
 @attrs.frozen(kw_only=True, repr=False)
-class Report(Told):
+class Report(ReportData):
     """What an engineer reads off the last part of a run.
 
     ``print(report)`` shows what is asked first, ``print(report.text(full=True))`` all tables; a

@@ -18,10 +18,10 @@ __all__ = [
     "MountRow",
     "Power",
     "PulleyRow",
+    "ReportData",
     "Rows",
     "SpanRow",
     "Spread",
-    "Told",
 ]
 
 #: Name of the power that the energy ledger lacks: its error.
@@ -301,7 +301,7 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
 
 
 @attrs.frozen(kw_only=True)
-class Told:
+class ReportData:
     """What a report holds; :class:`Report` describes it."""
 
     begin: float

@@ -203,7 +203,7 @@ class _Slipping:
             self.notes.append(
                 f"full_slip: {self.params.label(int(k))} slips over its whole wrap in this window, "
                 f"for {whole:.3g} of {self.window.lasts:.3g} s between t = {t[during[0]]:.4g} and "
-                f"{t[during[-1]]:.4g} s, by {gross.way[k]:.2g} m: it has no margin left"
+                f"{t[during[-1]]:.4g} s, by {gross.slip_distance[k]:.2g} m: it has no margin left"
             )
 
     # --- Margins ----------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ __all__ = ["Line", "dominant", "moving_string", "span_rows", "uneven"]
 #: spectrum: of noise, the largest of 1e4 bins is not so high in one case of a hundred.
 PART, ABOVE = 0.25, 20.0
 #: Least amplitude of one, over the mean tension: below it is what rounding and tolerances leave.
-FAINT = 1e-4
+MIN_AMPLITUDE = 1e-4
 #: Periods that the window must hold: less is a trend.
 LEAST = 3
 #: How even samples must be, over their interval.
@@ -155,7 +155,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
                 )
         if history is not None and not not_even and tension is not None:
             line = dominant(window.t, history)
-            if line is not None and line.amplitude > FAINT * abs(tension.mean):
+            if line is not None and line.amplitude > MIN_AMPLITUDE * abs(tension.mean):
                 row |= {"frequency": line.frequency, "amplitude": line.amplitude}
                 row["link_passing"] = _of_links(found, window.t, line.frequency)
         rows.append(SpanRow(**row))

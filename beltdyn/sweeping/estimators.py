@@ -22,7 +22,7 @@ _HARMONICS, _RUNS_PER_HARMONIC = 10, 8
 #: A range of values below this part of the largest is rounding.
 _CONSTANT = 1e-12
 
-FEW, CONSTANT = "few", "constant"
+TOO_FEW, CONSTANT = "few", "constant"
 
 
 class Design(NamedTuple):
@@ -115,7 +115,7 @@ def by_runs(design: Design, inputs: Array, options: dict[str, Any]) -> Callable[
 
 def _reason(values: Array, design: Design) -> str:
     if len(values) < design.least:
-        return FEW
+        return TOO_FEW
     constant = np.ptp(values) <= _CONSTANT * np.abs(values).max()
     return CONSTANT if constant else ""
 

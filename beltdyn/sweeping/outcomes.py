@@ -100,8 +100,8 @@ class Outcome:
         numbers: The row.
         words: Its texts.
         kernels: Level of the kernels that computed it.
-        certain: Whether it would end so on any machine. What a torque function or a measure raises
-            may be due to this one; what is refused costs nothing to refuse again.
+        reproducible: Whether it would end so on any machine. What a torque function or a measure
+            raises may be due to this one; what is refused costs nothing to refuse again.
         final: The state at its end as numbers, if another run starts from it; else empty.
     """
 
@@ -112,7 +112,7 @@ class Outcome:
     numbers: Array = attrs.field(factory=lambda: np.zeros(0))
     words: tuple[str, ...] = ()
     kernels: str = ""
-    certain: bool = True
+    reproducible: bool = True
     final: Array = attrs.field(factory=lambda: np.zeros(0))
 
 

@@ -106,7 +106,7 @@ class Store:
 
     def add(self, key: str, outcome: Outcome) -> None:
         """Keep an outcome; :meth:`tend` writes it soon."""
-        if outcome.status in _KEPT and outcome.certain:
+        if outcome.status in _KEPT and outcome.reproducible:
             self._waiting.append((key, outcome))
 
     def tend(self) -> None:

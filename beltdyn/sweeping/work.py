@@ -138,7 +138,9 @@ class Work:
         try:
             drive, scene, options = self._scene(values)
         except (TypeError, ValueError) as error:
-            return Outcome(status="refused", message=_line(error), kernels=kernels, certain=False)
+            return Outcome(
+                status="refused", message=_line(error), kernels=kernels, reproducible=False
+            )
         try:
             result = self._simulate(values, drive, scene, options, before)
         except (SimulationError, ValueError, TypeError) as error:
@@ -153,7 +155,7 @@ class Work:
             return Outcome(
                 status="measure",
                 message=f"{type(error).__name__}: {_line(error)}{_where(error)}",
-                certain=False,
+                reproducible=False,
                 warnings=lines,
                 kernels=kernels,
                 final=final,
@@ -215,7 +217,7 @@ class Work:
 
 
 def _hashable(value: Any) -> Hashable:
-    """Return something that differs where values differ, for looking up what was made of them."""
+    """Return a hashable key for a value; it differs where values differ."""
     try:
         hash(value)
     except TypeError:
@@ -245,7 +247,7 @@ def _failed(error: Exception, scene: Scene, kernels: str, prefix: str = "") -> O
     return Outcome(
         status=status,
         message=prefix + _line(error),
-        certain=isinstance(error, SimulationError),
+        reproducible=isinstance(error, SimulationError),
         warnings="\n".join(map(str, known)),
         kernels=kernels,
     )

@@ -49,9 +49,9 @@ OBSERVED = (
 #: Least scale of creep, 0.1 %: slip is measured no better, and unloaded belts have none.
 CREEP = 1e-3
 #: Least scale of friction forces, as a share of the mean tension.
-FAINT = 1e-2
-#: A belt slower than this share of its highest speed stands still: creep is given relative to that.
-STANDS = 1e-3
+MIN_FRICTION = 1e-2
+#: Share of its highest speed below which a belt stands still: creep is then relative to that.
+STANDSTILL_SPEED = 1e-3
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -126,7 +126,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
     power = np.column_stack([result.pulleys.torque * omega, lost])
     means = _time_mean(tension, late)
     rims = np.abs(omega * radii)
-    speed = max(float(np.max(_time_mean(rims, late))), STANDS * float(np.max(rims)))
+    speed = max(float(np.max(_time_mean(rims, late))), STANDSTILL_SPEED * float(np.max(rims)))
     turning = result._rims()
     assert turning is not None  # it is among OBSERVED
     creep = _creep(_time_mean(turning, late) * radii * params.route.senses, speed)
@@ -145,7 +145,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
             "speed": float(np.max(np.abs(omega))),
             "span_mean": abs(overall),
             "creep": max(CREEP, float(np.max(np.abs(creep)))),
-            "friction": max(force, FAINT * abs(overall)) if params.has_friction else 0.0,
+            "friction": max(force, MIN_FRICTION * abs(overall)) if params.has_friction else 0.0,
             "power": float(np.max(np.abs(power[:, :-1]))),
         },
     )

@@ -44,8 +44,8 @@ __all__ = [
 
 Complex = NDArray[np.complex128]
 
-#: Slower than this share of the rate at which the slowest wave passes links, the belt is at rest.
-CRAWL = 1e-6
+#: Share of the wave speed below which the belt is at rest.
+STANDSTILL_SPEED = 1e-6
 _SPEEDS = ["vx", "vy", "vphi", "v", "p", "omega", "travel_speed", "rim_speed"]
 #: Of which each link, or each state of friction of a link, has one.
 LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
@@ -251,12 +251,12 @@ def _of_torques(params: Params, names: Any, slopes: tuple[Array, Array], sparse:
 
 
 def speed_of(params: Params, core: Mapping[str, Any]) -> float:
-    """Speed of the belt in the sense of its numbering [m/s], 0 if it crawls."""
+    """Speed of the belt in the sense of its numbering [m/s], 0 if it stands still."""
     if not params._belt_facts["flows"]:
         return passing_of(params, core) * float(params.info["link_length"])
     speed = float(np.mean(core["v"]))
     wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
-    return speed if abs(speed) > CRAWL * wave else 0.0
+    return speed if abs(speed) > STANDSTILL_SPEED * wave else 0.0
 
 
 def passing_of(params: Params, core: Mapping[str, Any]) -> float:
@@ -267,7 +267,7 @@ def passing_of(params: Params, core: Mapping[str, Any]) -> float:
     along = (core["vx"] * dx + core["vy"] * dy) / (dx * dx + dy * dy) * 2.0
     passing = float(np.mean(along))
     wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
-    slow = CRAWL * wave / float(params.info["link_length"])
+    slow = STANDSTILL_SPEED * wave / float(params.info["link_length"])
     return passing if abs(passing) > slow else 0.0
 
 
