@@ -128,8 +128,8 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
             code="full_slip",
             text=f"{params.label(k)} slips over its whole wrap, by {found.slip_distance[k]:.2g} m, "
             f"{whole} between t = {first:.4g} and {last:.4g} s, which dissipates "
-            f"{found.lost[k]:.3g} J: friction transmits {carried:.3g} N m in the mean of that time{of_set}; "
-            f"{_tighter(params)}{less}",
+            f"{found.lost[k]:.3g} J: friction transmits {carried:.3g} N m in the mean of that "
+            f"time{of_set}; {_tighter(params)}{less}",
             t=first,
             where=params.label(k),
         )
