@@ -62,10 +62,10 @@ class Study:
         return (row for row in self.rows if not row.failure)
 
     def believed(self, row: Row, quantity: str) -> float:
-        """Return the error of a run that can be relied on.
+        """Return a reliable bound of the error of a run.
 
-        The largest of its errors in all, in space and in time and of the floor: where the first is
-        smaller than one of its parts, they cancel each other by chance.
+        The largest of its total error, its errors in space and in time and the floor: where the
+        total is smaller than one of its parts, they cancel each other by chance.
         """
         errors = (row.error, self.space[row.setting.n_bodies], row.time, self.space_floor)
         return max(error[quantity] for error in errors)
@@ -74,7 +74,7 @@ class Study:
         """Return the run that reaches an error for the least CPU time, None if there is none.
 
         Args:
-            error: The largest error in all [1].
+            error: The largest total error [1].
             quantity: What it is the error of.
 
         Raises:
@@ -85,10 +85,7 @@ class Study:
         return min(good, key=lambda row: row.seconds, default=None)
 
     def front(self, quantity: str = "tension", method: str | None = None) -> list[Row]:
-        """Return the runs, of all or one method, that no cheaper one is as accurate as.
-
-        From cheap to costly.
-        """
+        """Return the Pareto front of cost and error, of all runs or one method, cheapest first."""
         quantity = quantity_of(quantity)
         best, kept = math.inf, []
         rows = (row for row in self.done() if method in (None, row.setting.method))
@@ -162,7 +159,7 @@ class Study:
         """Return all runs as comma-separated values, also written to ``path``.
 
         A line for each run: its setting, CPU seconds, repeats, steps, and of each quantity the
-        errors in all, in space, in time and the two floors.
+        total errors, those in space and in time, and the two floors.
 
         Raises:
             OSError: The file cannot be written; a file that was there before is unchanged.

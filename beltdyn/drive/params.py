@@ -227,7 +227,7 @@ class Params:
     def belt_model(self) -> str:
         """What the belt is made of: "links" or, without bending, "string" (``belt.model``).
 
-        "cells" of an ALE belt, through which it flows.
+        "cells" for an ALE belt, which flows through them.
         """
         return "cells" if self._belt_facts["flows"] else self._belt_facts["model"]
 
@@ -240,8 +240,8 @@ class Params:
     def effective_belt(self) -> Belt:
         """The belt with its length: the one given, or the one found for its preload.
 
-        Found anew for every mesh, as the mesh is part of what makes the tension. The belt is
-        settled for it two or three times, when it is first needed.
+        Found anew for every mesh, because the mesh affects the tension. The belt is settled for it
+        two or three times, when it is first needed.
         """
         if self.belt.length is not None:
             return self.belt
@@ -261,8 +261,8 @@ class Params:
     def compliance(self) -> sinking.Compliance:
         """How far the belt sinks into its pulleys at rest, and what that changes.
 
-        Under load :func:`beltdyn.drive.compliance.compliance` gives it from the tensions of
-        the spans.
+        Under load :func:`beltdyn.drive.compliance.compliance` computes it from the tensions of the
+        spans.
         """
         return sinking.compliance(self)
 
@@ -281,7 +281,7 @@ class Params:
         return naming.index_of("pulley", pulley, self.pulley_names)
 
     def label(self, pulley: int) -> str:
-        """Return what texts call a pulley: ``pulley "crank"``, or ``pulley 3`` without a name."""
+        """Return a pulley's name in texts: ``pulley "crank"``, or ``pulley 3`` without a name."""
         return naming.label(pulley, self.pulley_names)
 
     @functools.cached_property
@@ -293,7 +293,7 @@ class Params:
         return route_at(self.pulleys, self.centers()) if self.mounted else route(self.pulleys)
 
     def centers(self, travel: ArrayLike | None = None) -> Array:
-        """Return where the axes of the pulleys are.
+        """Return the positions of the axes of the pulleys.
 
         Args:
             travel: Travels of the mounts (n_m,), such as ``state.travel`` or a row of
@@ -332,7 +332,7 @@ class Params:
 
     @property
     def shaft_inertias(self) -> Array:
-        """Inertias of the shafts (n_p,) [kg m^2]: what ``result.pulleys.omega`` belongs to."""
+        """Inertias of the shafts (n_p,) [kg m^2], whose speeds are ``result.pulleys.omega``."""
         return np.array([pulley.shaft_inertia for pulley in self.pulleys])
 
     @property

@@ -72,10 +72,10 @@ class Identification:
     Attributes:
         params: The fitted drive.
         values: Fitted values by name, in the parameters' units.
-        confidence: Of :attr:`intervals`.
+        confidence: Confidence level of :attr:`intervals`.
         limit: Factor from which on a parameter or a combination counts as undetermined.
         residuals: (computed - measured)/sigma by target, each of the shape of its values.
-        sigma: Standard deviations used, the same way: as given, or as estimated.
+        sigma: Standard deviations used, likewise by target, given or estimated.
         estimated: Targets whose sigma was estimated from their residuals.
         jacobian: Change of every computed number, in standard deviations, per unit of every
             coordinate (n, n_free).
@@ -220,7 +220,7 @@ class Identification:
 
     @property
     def confirmed(self) -> bool:
-        """Whether another search ended within all intervals; of one search alone True."""
+        """Whether another search ended within all intervals; True if there was only one."""
         intervals = self.intervals
         held = np.ones(len(self.ends), dtype=bool)
         for part, us in zip(self._parameters, self.ends.T, strict=False):

@@ -65,7 +65,7 @@ class Sampled(Protocol):
 
 @attrs.frozen(kw_only=True)
 class Source:
-    """What repeats itself in a drive, and so makes lines at multiples of its frequency.
+    """A periodic source in a drive, which makes lines at multiples of its frequency.
 
     Attributes:
         name: "link passing", "belt passing", or that of a pulley.
@@ -141,7 +141,7 @@ def _has_links(result: Sampled) -> bool:
 
 
 def sources(result: Sampled, rows: Any = slice(None)) -> tuple[Source, ...]:
-    """Return what repeats itself in a run, over some samples: links, pulleys, the belt.
+    """Return the periodic sources of a run, over some samples: links, pulleys, the belt.
 
     Pulleys that stand still are left out, and a belt that does.
     """

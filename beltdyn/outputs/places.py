@@ -40,15 +40,16 @@ class AlongBelt:
     """A history of links in places that are fixed in space.
 
     Attributes:
-        name: What it is, such as "joints.force".
+        name: Name of the output, such as "joints.force".
         t: Sample times (n_t,) [s].
         s: Places along the belt line (n_s,) [m], from where it leaves pulley 0.
-        values: There, between the two joints or links next to each place linearly (n_t, n_s).
-        part: What of the line each place is on: the name of a pulley, of a span "crank to idler",
-            or "span 0 to 1" between pulleys without names (n_s,).
+        values: Values there, interpolated linearly between the two joints or links next to each
+            place (n_t, n_s).
+        part: Part of the line that each place is on: the name of a pulley, of a span "crank to
+            idler", or "span 0 to 1" between pulleys without names (n_s,).
         wraps: Where the line arrives at each pulley and leaves it (n_p, 2) [m]; that of pulley 0 is
             the last.
-        length: Of the line [m].
+        length: Length of the line [m].
     """
 
     name: str

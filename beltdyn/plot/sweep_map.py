@@ -42,7 +42,7 @@ def map(
     row or column.
 
     Args:
-        dataset: What ``bd.sweep`` gives.
+        dataset: The result of ``bd.sweep``.
         quantity: Name of a variable of numbers in it.
         x: Name along the x axis; None: the first that is left, of two.
         y: Along the y axis; None: the other.

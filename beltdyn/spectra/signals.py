@@ -20,7 +20,7 @@ __all__ = ["Signal", "signal"]
 
 @attrs.frozen(eq=False)
 class Signal:
-    """A column of an output over time: what it is called, its unit, its values (n_t,)."""
+    """A column of an output over time: its label, unit and values (n_t,)."""
 
     label: str
     unit: str

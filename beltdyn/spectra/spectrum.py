@@ -67,7 +67,7 @@ class Spectrum:
         resolution: Lines closer than this merge [Hz].
         limit: Half the rate of sampling [Hz]; what is faster appears mirrored below it.
         begin, end: The window in time [s].
-        sources: What repeats itself, the links of the belt first.
+        sources: Periodic sources, the links of the belt first.
     """
 
     label: str
@@ -137,7 +137,7 @@ class Spectrum:
         )[:1]
 
     def harmonics(self, source: Source) -> int:
-        """Return up to which harmonic of a source lines are named after it; 0: none.
+        """Return the highest harmonic of a source after which lines are named; 0: none.
 
         None of one whose harmonics are closer than the resolution, and none that its changes of
         speed smear (:attr:`Source.sharp`); :meth:`notes` says so.

@@ -56,7 +56,7 @@ STANDSTILL_SPEED = 1e-3
 
 @attrs.frozen(eq=False, kw_only=True)
 class Observed:
-    """What is read off a run.
+    """Quantities read off a run.
 
     Attributes:
         t: Sample times (n_t,) [s].
@@ -65,9 +65,9 @@ class Observed:
             one pulley the mean of all joints.
         speed: Angular velocities of the pulleys (n_t, n_p) [rad/s].
         span_mean: Mean of ``tension`` over the last part (n_p,) [N].
-        creep: Speed lost against the fastest rim in the last part (n_p,) [1]: the difference of the
-            rims' mean speeds omega_k r_k, over the mean of the fastest rim's absolute speed. 0 for
-            a belt that never moved.
+        creep: Creep of each pulley relative to the fastest rim, in the last part (n_p,) [1]: the
+            difference of the rims' mean speeds omega_k r_k, over the mean of the fastest rim's
+            absolute speed. 0 for a belt that never moved.
         friction: Mean friction torque on each pulley over its radius (n_p,) [N], in the last part.
         power: Mean power of the torque set on each pulley, and last of friction against slip,
             positive for what is lost (n_p + 1,) [W], in the last part.
@@ -155,8 +155,8 @@ def differences(a: Observed, b: Observed, until: float | None = None) -> dict[st
     """Return how far two runs differ, by quantity, relative to the scales of ``b`` [1].
 
     Of histories, the root mean square over time and pulleys; of means, the largest difference of a
-    pulley. A quantity that has no scale in either run, such as the speed of a belt at rest, gives
-    0; one that could not be read off, such as the tension of a span that is gone, NaN.
+    pulley. A quantity that has no scale in either run, such as the speed of a belt at rest, has 0;
+    one that could not be read off, such as the tension of a span that is gone, NaN.
 
     Args:
         a: A run.

@@ -75,7 +75,7 @@ class Linear:
         unit: Size of each unknown that goes with a motion of the belt by 1 m; of velocities the
             same a second.
         passing: Links that pass a place per second, a; 0 at rest, and of cells [1/s].
-        speed: Of the belt along its numbering [m/s], 0 at rest.
+        speed: Speed of the belt in the order of its links [m/s], 0 at rest.
         trusted: Angular frequency from which on the mesh lacks modes across spans [rad/s].
         prescribed: Pulleys whose motion is prescribed, and paths of mounts are.
         given: Columns of J of prescribed speeds, for what drives the rest: sparse (n, n_p), of
