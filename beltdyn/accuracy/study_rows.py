@@ -1,4 +1,4 @@
-"""A row of a study: a setting, what it costs and how far off it is."""
+"""A row of a study: a setting, its cost and its errors."""
 
 from __future__ import annotations
 

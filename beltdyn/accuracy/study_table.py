@@ -1,4 +1,4 @@
-"""What a study has found: a table of runs, their errors and costs."""
+"""Result of a study: a table of runs, their errors and costs."""
 
 from __future__ import annotations
 

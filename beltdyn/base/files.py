@@ -135,7 +135,7 @@ def _flush_folder(folder: Path) -> None:
 
 
 def _explained(error: OSError, path: str | os.PathLike[str], now: str) -> OSError:
-    """Return the same error for the path of the user, with a note on what is there now."""
+    """Return the same error for the path of the user, with a note on the state of the file."""
     what = "; ".join(part for part in (error.strerror or str(error), now) if part)
     if error.errno is None:
         return OSError(what)

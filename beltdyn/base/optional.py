@@ -1,4 +1,4 @@
-"""Packages that only parts of this one need, imported when those are used."""
+"""Optional packages, imported when they are used."""
 
 from __future__ import annotations
 

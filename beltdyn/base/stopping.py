@@ -1,4 +1,4 @@
-"""Stopping runs: from another thread, for signals come to the main one alone; and not just now."""
+"""Stopping runs from another thread, since signals reach only the main one; deferring Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said of the mesh of an ALE belt, whose cells stand still: its errors, its limits.
+"""The mesh of an ALE belt, whose cells stand still: its errors and limits.
 
 Every limit below stands with the argument for it.
 """
@@ -93,7 +93,7 @@ D = TypeVar("D", bound=Drive)
 
 
 def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
-    """Return how many cells to ask for where that is left open."""
+    """Return the number of cells to ask for where it is not given."""
     radii = np.array([pulley.radius for pulley in pulleys])
     length = max(CELL, math.pi * float(radii.max()) / HALF_TURN)
     return 2 * len(pulleys) + math.ceil(float(line.wraps @ np.maximum(radii, SMALL)) / length)
@@ -126,7 +126,7 @@ def _work(params: Drive, rtol: float) -> float:
 
 
 def cheaper(params: Drive, explicit: float, implicit: float, rtol: float, time: float) -> float:
-    """Estimate how many times cheaper an ALE belt is than a run of links, by the steps of the run.
+    """Estimate the speed-up of an ALE belt over a run of links, from the steps of the run.
 
     Args:
         params: The drive of links.
@@ -160,7 +160,7 @@ def describe_cheaper(params: Drive) -> Iterator[str]:
 
 
 def _on_arcs(params: Drive) -> Array:
-    """Return how many cells are on each pulley (n_p,)."""
+    """Return the number of cells on each pulley (n_p,)."""
     cells = params._cells
     return np.array([np.count_nonzero(cells == k) for k in range(len(params.pulleys))])
 
@@ -170,7 +170,7 @@ def _arcs(params: Drive) -> Array:
 
 
 def reach(params: Drive) -> float:
-    """Return the length sqrt(EI/T) over which bending runs off a pulley at rest [m]."""
+    """Return the length sqrt(EI/T) over which bending decays beside a pulley at rest [m]."""
     return math.sqrt(params.belt.bending_stiffness / float(params.info["strain_tension"]))
 
 
@@ -201,7 +201,7 @@ def finer(params: Drive, error: float, allowed: float) -> str:
 
 
 def trusted(params: Drive, speed: float) -> float:
-    """Return the angular frequency from which on modes across spans are not those of the drive.
+    """Return the angular frequency above which lateral modes of spans are wrong.
 
     Of the longest span as a string, at a speed of the belt [m/s]: of the first mode that it has not
     or, as running couples each to its neighbours, has amiss.
@@ -234,7 +234,7 @@ def modes_off(share: float, modes: int) -> Array:
 
 
 def describe(params: Drive) -> str:
-    """Describe in one line what the error of the mesh is, and of how many cells and modes it is."""
+    """Describe the error of the mesh in one line, with its numbers of cells and modes."""
     cells, arcs = _on_arcs(params), _arcs(params)
     modes = params._model.sizes["MODES"] // len(params.pulleys)
     most = errors(params, 2.0 * float(params.info["strain_tension"]))
@@ -247,7 +247,7 @@ def describe(params: Drive) -> str:
 
 
 def limits(params: Drive) -> Iterator[RunWarning]:
-    """Warn of wraps and spans that are hardly long enough for the ends where bending runs off."""
+    """Warn of wraps and spans hardly longer than their ends, where bending decays."""
     off, name = reach(params), params.tensioning.beyond_cells()
     if name:
         yield RunWarning(

@@ -1,4 +1,4 @@
-"""How far the belt sinks into its pulleys, and what that does to tension, radii and creep.
+"""Depth to which the belt sinks into its pulleys; its effect on tension, radii and creep.
 
 A belt under the tension T presses on a pulley of radius R with T/R per length, less what carries
 it round the curve, and the contact yields by p (MODEL section 3):
@@ -82,12 +82,12 @@ class Drive(Protocol):
         """The way of the belt."""
 
     def label(self, pulley: int) -> str:
-        """Return what texts call a pulley."""
+        """Return the name of a pulley in texts."""
 
 
 @attrs.frozen(kw_only=True, eq=False)
 class Compliance:
-    """How far the belt of a drive sinks into its pulleys, and what follows from that.
+    """Depth to which the belt sinks into its pulleys, and its effects.
 
     Arrays (n_p, 2) have a column for each end of the wrap: where the belt meets the pulley, counted
     in the order of the links, and where it leaves.
@@ -118,7 +118,7 @@ class Compliance:
 
 
 def complete(contact: Contact, belt: Belt, pulleys: tuple[Pulley, ...]) -> Contact:
-    """Return a contact with the numbers that it leaves open chosen for a drive.
+    """Return a contact in which missing numbers are chosen for a drive.
 
     ``linear`` is 100 EA / R^2 of the smallest pulley, so that the contact gives by a hundredth of
     what the belt stretches: creep and tension are right to 1 % (the stiffness of a belt is known to
@@ -187,7 +187,7 @@ def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) ->
 
 
 def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0.0) -> Compliance:
-    """Return how far the belt sinks into its pulleys, at rest or under load.
+    """Return the depth to which the belt sinks into its pulleys, and its effects.
 
     Args:
         params: The drive.
@@ -283,7 +283,7 @@ def compliance_error(
 
 
 def describe(params: Drive) -> str:
-    """Describe in one line what sinking into the pulleys does to a drive at rest."""
+    """Describe the effect of sinking into the pulleys on a drive at rest, in one line."""
     found = compliance(params)
     worst = int(np.argmax(found.relative_depth[:, 1]))
     depth, share = found.depth[worst, 1], found.relative_depth[worst, 1]

@@ -1,4 +1,4 @@
-"""What joins a pulley's shaft to its rim: isolators and overrunning clutches; torsional dampers.
+"""Couplings of a pulley's shaft and rim: isolators, overrunning clutches; torsional dampers.
 
 Equations in MODEL section 5. With an isolator or a clutch the belt runs on the rim, of the inertia
 that the pulley has, and everything else acts on the hub: torques and loads, bearing drag and

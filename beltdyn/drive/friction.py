@@ -89,7 +89,7 @@ class Friction(Printable):
     def _at(
         self, element: int, state: ArrayLike, speed: ArrayLike, normal: ArrayLike
     ) -> dict[str, Array]:
-        """Evaluate one element for a metre of belt: force, rate, and how they change."""
+        """Evaluate one element for a metre of belt: force, rate and their derivatives."""
         return _core.friction_law(self._to_core(), 1.0, state, speed, normal, element)
 
     def coefficient(self, slip: ArrayLike, *, velocity: float, normal: float) -> Array:

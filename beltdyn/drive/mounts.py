@@ -1,4 +1,4 @@
-"""What lets the axis of a pulley move: tensioner arms, sliders, prescribed paths.
+"""Mounts that let the axis of a pulley move: tensioner arms, sliders, prescribed paths.
 
 Equations in MODEL section 5. An arm and a slider have one coordinate each, their travel: of an arm
 the angle by which it has turned, counter-clockwise, of a slider the way along its direction, 0 in
@@ -64,15 +64,15 @@ class MountKind(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether by what acts on it; else it is prescribed."""
+        """Whether the mount moves under forces; otherwise it is prescribed."""
         return self.angle is not None
 
     def unit(self, either: str) -> str:
-        """Return that of a travel, a rate or a force, of "rad or m"."""
+        """Return the unit of a travel, a rate or a force, from "rad or m"."""
         return either.split(" or ")[0 if self.angle else -1]
 
     def travel_text(self, travel: float) -> str:
-        """Write a travel as an engineer reads it."""
+        """Write a travel in degrees or millimetres."""
         factor, unit = self.shown
         return f"{factor * travel:.4g} {unit}"
 
@@ -152,7 +152,7 @@ class Sprung(Printable):
             raise ValueError(f"{group}.{unloaded} needs a spring: {group}.stiffness is 0")
 
     def _rows(self) -> list[tuple[str, str, str]]:
-        """Leave out what does not apply: of preload and unloaded place one, stops that are none."""
+        """Leave out what does not apply: preload or unloaded place, missing stops."""
         given = ("preload", "tension", "stops", self._row.free)
         left_out = {name for name in given if getattr(self, name) is None}
         if self.friction == 0.0:
@@ -185,7 +185,7 @@ class Sprung(Printable):
         return float(getattr(self, "weight", 0.0))
 
     def _directions(self, centers: Array) -> Array:
-        """Return how the axis at each of the centers (n, 2) moves with the travel, a of MODEL 5.
+        """Return the direction in which the axis at each center (n, 2) moves, a of MODEL section 5.
 
         Of an angle its length, which is the lever of forces on the axis, is the arm's [m]; else 1.
         """

@@ -226,10 +226,10 @@ class Contact(Printable):
     ``max(0, (e (1 + hunt_crossley dp/dt) + damping dp/dt) l0)`` with
     ``e = quadratic p^2 + linear p``. ``damping`` is the paper's and acts at once where contact
     begins. That of K. H. Hunt and F. R. E. Crossley ("Coefficient of restitution interpreted as
-    damping in vibroimpact", J. Appl. Mech. 42, 1975, 440-445), ``hunt_crossley``, grows with the force, so that there is no jump; a link that meets a pulley at
-    the speed v rebounds with 1 - 2/3 hunt_crossley v of it, if little is lost. On an ALE belt they
-    act at the ends of wraps, where the belt sinks in as it runs on and as waves roll it on and off,
-    and along arcs.
+    damping in vibroimpact", J. Appl. Mech. 42, 1975, 440-445), ``hunt_crossley``, grows
+    with the force, so that there is no jump; a link that meets a pulley at the speed v rebounds
+    with 1 - 2/3 hunt_crossley v of it, if little is lost. On an ALE belt they act at the ends of
+    wraps, where the belt sinks in as it runs on and as waves roll it on and off, and along arcs.
 
     Without a stiffness, ``Contact()``, one is chosen with which the contact yields by a hundredth
     of the stretch of the belt: ``linear`` 100 EA / R^2 of the smallest pulley, so that tension and

@@ -59,7 +59,7 @@ class Route:
 
 
 def route(pulleys: Iterable[Pulley]) -> Route:
-    """Find how a belt runs round pulleys, before any belt is chosen.
+    """Find the route of a belt round pulleys, before any belt is chosen.
 
     Args:
         pulleys: The pulleys in the order in which the belt visits them, each with its side; those
@@ -75,7 +75,7 @@ def route(pulleys: Iterable[Pulley]) -> Route:
 
 
 def _passed_by(given: tuple[Pulley, ...], centers: Array) -> str:
-    """Name the one pulley without which there would be a route, if there is just one."""
+    """Name the pulley without which there would be a route, if there is just one."""
     alone = []
     for k in range(1, len(given)):
         rest = [j for j in range(len(given)) if j != k]
@@ -97,7 +97,7 @@ def _passed_by(given: tuple[Pulley, ...], centers: Array) -> str:
 
 
 def route_at(given: tuple[Pulley, ...], centers: Array) -> Route:
-    """Find how a belt runs round pulleys whose axes are at ``centers`` (n_p, 2) [m].
+    """Find the route of a belt round pulleys whose axes are at ``centers`` (n_p, 2) [m].
 
     Raises:
         ValueError: As :func:`route`.

@@ -1,4 +1,4 @@
-"""What each effect is worth: runs with one effect left out at a time.
+"""Influence of each effect: runs with one effect left out at a time.
 
 Where all of a run is looked at, an effect is worth what leaving it out changed in it: of the whole
 or of any fifth of it, plus twice the runs' own error, which is measured by the same answers of a
@@ -80,7 +80,7 @@ BASE_RUNS = 3.0
 
 @attrs.frozen
 class Runs:
-    """How the runs that are compared are made, over a window that begins with the run.
+    """Settings of the runs that are compared, over a window that begins with the run.
 
     Attributes:
         run: Runs a scene, with its tolerance times a factor, in at most so many steps.
@@ -95,7 +95,7 @@ class Runs:
 
 @attrs.frozen(eq=False, kw_only=True)
 class Answers:
-    """What is compared of a run, made of the quantities of :mod:`beltdyn.accuracy`.
+    """Quantities of a run that are compared, made of those of :mod:`beltdyn.accuracy`.
 
     Attributes:
         values: By the names of ``ANSWERS``, of each span and each pulley, over the whole run and
@@ -109,7 +109,7 @@ class Answers:
 
 @attrs.frozen(kw_only=True)
 class LeftOut:
-    """What leaving out an effect, or several, does.
+    """Influence of leaving out an effect, or several.
 
     Attributes:
         name: The effect; of several their names.
@@ -151,7 +151,7 @@ class LeftOut:
 
 @attrs.frozen(kw_only=True)
 class Ablation:
-    """What each effect is worth, over a window of the run.
+    """Influence of each effect, over a window of the run.
 
     Attributes:
         rows: One effect left out at a time.
@@ -184,7 +184,7 @@ class Ablation:
 
 
 def answers_of(result: Result) -> Answers:
-    """Read off a run what is compared."""
+    """Read the compared quantities off a run."""
     seen = observe(result)
     edges = np.linspace(seen.t[0], seen.t[-1], PARTS + 1)
     parts = [(edges[0], edges[-1]), *pairwise(edges)]
@@ -200,7 +200,7 @@ def answers_of(result: Result) -> Answers:
 
 
 def changes_of(one: Answers, base: Answers) -> dict[str, Array]:
-    """Return by how much the answers of a run differ from those of another, over its scales.
+    """Return the differences of the answers of two runs, over the scales of the second.
 
     What cannot be read off, such as the tension of a span that is gone, is infinitely far off.
 
@@ -218,7 +218,7 @@ def changes_of(one: Answers, base: Answers) -> dict[str, Array]:
 
 
 def growth_of(changes: dict[str, Array]) -> float:
-    """Return by how much changes are larger late in the run than early, 1 to 10."""
+    """Return the ratio of late to early changes in the run, 1 to 10."""
     by_part = np.max([change[1:] for change in changes.values()], axis=0)
     early, late = float(np.max(by_part[:EARLY])), float(np.max(by_part[EARLY:]))
     if late <= early:

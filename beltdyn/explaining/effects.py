@@ -1,4 +1,4 @@
-"""Which effects a drive has, and which numbers of the scene call for each.
+"""Effects of a drive, and the numbers of the scene that require each.
 
 The effects are the rows of the core's table, ``csrc/physics/effects.c``; a row says which groups of
 parameters call for it, so an effect or a parameter that is added there appears here by itself.
@@ -25,7 +25,7 @@ _NO_FORCE = {"length", "preload", "n_bodies", "linear_density", "compensate"}
 
 @attrs.frozen(kw_only=True)
 class Effect:
-    """An effect of the core: whether a drive has it, and what calls for it.
+    """An effect of the core: whether a drive has it, and why.
 
     Attributes:
         name: As in ``result.effects``; of one that is off, its name in the core's table.
@@ -118,7 +118,7 @@ def _rules(part: Printable) -> list[Rule]:
 def _reasons(
     params: Params, torque: str, motions: Mapping[int, MotionLike], words: Sequence[str]
 ) -> tuple[list[str], list[str]]:
-    """Return what calls for an effect, and the numbers that are 0."""
+    """Return the numbers that require an effect, and those that are 0."""
     reasons: list[str] = []
     zero: list[str] = []
     if "gravity" in words:

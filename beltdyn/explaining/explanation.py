@@ -1,4 +1,4 @@
-"""``bd.explain``: which effects a drive has, what calls for them, what they cost and change."""
+"""``bd.explain``: the effects of a drive, why it has them, their cost and influence."""
 
 from __future__ import annotations
 

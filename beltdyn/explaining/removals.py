@@ -1,4 +1,4 @@
-"""What may be left out of a scene, one effect at a time.
+"""Effects that may be left out of a scene, one at a time.
 
 Numbers that a part may do without, which are those that are 0 by default, come from the tables of
 parameters: a new one of this kind appears here by itself. What takes more than a number to leave
@@ -55,7 +55,7 @@ class Removal(NamedTuple):
 
 
 def removals_of(scene: Scene) -> tuple[Removal, ...]:
-    """Return what can be left out of a scene."""
+    """Return the effects that can be left out of a scene."""
     found: dict[tuple[str, str], list[str]] = {}
     for part in parts_of(scene.params):
         for name in _optional(part):

@@ -1,4 +1,4 @@
-"""What an identification found, how certain it is, and what it cannot determine."""
+"""Results of an identification: values, uncertainty, and what the data cannot determine."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Sensitivity:
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
 class Identification:
-    """Fitted parameters, how certain they are, and what the data cannot distinguish.
+    """Fitted parameters, their uncertainty, and what the data cannot distinguish.
 
     All uncertainties come from the problem linearised at the solution, in the coordinates of the
     search: the logarithm of a parameter, or its change as a share of its size.

@@ -52,7 +52,7 @@ _DARK_AND_LIGHT = (COLOURS[0], COLOURS[4])
 
 
 class Size(NamedTuple):
-    """How large a figure is drawn.
+    """Size of a figure.
 
     Attributes:
         panel: Width and height of a panel [inch].

@@ -345,7 +345,7 @@ class CrankMotion:
 
 
 def described(motion: MotionLike) -> str:
-    """Describe in words what motion this is."""
+    """Describe the motion in words."""
     if isinstance(motion, Motion) and isinstance(motion.angle, AngleTable):
         return str(motion.angle)
     speed = motion.speed if isinstance(motion, Motion) else motion
@@ -363,7 +363,7 @@ def in_core(motion: object) -> bool:
 def as_motions(
     motion: ByPulley[MotionLike] | None, names: Sequence[str]
 ) -> dict[int, Motion | CrankMotion]:
-    """Check the motions of a run, of pulleys with these names; give them by index.
+    """Check the motions of a run, of pulleys with these names; return them by index.
 
     Raises:
         TypeError: Not a mapping from pulleys to motions.

@@ -1,4 +1,4 @@
-"""How accurate a run is, as its result says it: errors by quantity and by origin."""
+"""Accuracy of a run: errors by quantity and by origin."""
 
 from __future__ import annotations
 
@@ -292,7 +292,7 @@ class Run(Protocol):
 
 
 def known(run: Run) -> Accuracy:
-    """Return what is known of the accuracy of a run without another run.
+    """Return the accuracy of a run as far as it is known without another run.
 
     ``stats.error`` is that of all joint forces, which no span's tension exceeds by much.
     """
@@ -316,7 +316,7 @@ def known(run: Run) -> Accuracy:
 
 @attrs.frozen(kw_only=True)
 class Running:
-    """How a run moves and loads its belt, the same whatever outputs are kept.
+    """Motion and load of the belt in a run, the same whatever outputs are kept.
 
     Attributes:
         speed: Of the fastest rim, root mean square over the last part; the belt's but for creep
@@ -335,7 +335,7 @@ class Running:
 
 
 def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
-    """Read off a run how it moves and loads its belt.
+    """Read motion and load of the belt off a run.
 
     Args:
         params: The drive.
@@ -371,7 +371,7 @@ def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) ->
 
 
 def _vibration(run: Run) -> float:
-    """Return how much the tensions of spans vibrate in the end, root mean square [N].
+    """Return the vibration of the span tensions at the end of a run, root mean square [N].
 
     Where small differences grow exponentially, other meshes vibrate as much at other phases.
     """

@@ -80,7 +80,7 @@ def in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
 
 
 def full_friction(params: Params, touched: NDArray[np.int32], velocity: Array | None) -> Array:
-    """Return the friction coefficients in full slip of links; any where nothing is touched.
+    """Return the friction coefficients of links in full slip; any value off the pulleys.
 
     Args:
         params: The drive.
@@ -167,7 +167,7 @@ def _of_cells(
 
 
 def _beyond(excess: Array, on: NDArray[np.bool_]) -> Array:
-    """Return the share of each cell in which something linear between their middles is positive.
+    """Return the share of each cell in which a linear interpolation of values is positive.
 
     On a pulley's cells (n_t, n_b); in the outer half of its first and its last it is as in the
     middle.
@@ -183,7 +183,7 @@ def _beyond(excess: Array, on: NDArray[np.bool_]) -> Array:
 
 
 def _angles(params: Params, arm: Array, on: NDArray[np.bool_], normal: Array) -> Array:
-    """Return the angles that links on a pulley stand for (n_t, n_b) [rad]; 0 of those off it."""
+    """Return the angles that links on a pulley stand for (n_t, n_b) [rad]; 0 for those off it."""
     after = np.abs(turns(arm, np.roll(arm, -1, axis=1)))
     angles = np.where(on, 0.5 * (after + np.roll(after, 1, axis=1)), 0.0)
     if not params._belt_facts["smooth"]:

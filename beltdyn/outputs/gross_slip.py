@@ -104,7 +104,7 @@ def durations(t: Array) -> Array:
 
 
 def _bins(touched: NDArray[np.int32], n_p: int) -> NDArray[np.intp]:
-    """Return every (sample, pulley) a number; pulley -1, no contact, is the first of a sample."""
+    """Return an index for each (sample, pulley); pulley -1, no contact, comes first."""
     rows = np.arange(touched.shape[0], dtype=np.intp)[:, None]
     return (touched + (rows * (n_p + 1) + 1)).ravel()
 

@@ -48,7 +48,7 @@ class Group:
 
     @classmethod
     def _holding(cls, found: Mapping[str, Any]) -> Self:
-        """Make one of these arrays alone; the others were not asked for."""
+        """Make a group of these arrays alone; the others were not asked for."""
         fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
         later = {field.name for field in fields if not field.init}
         first = {name: found[name] for name in found if name not in later}
@@ -101,7 +101,7 @@ def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
 
 
 def absent(output: str, before: str = "") -> str:
-    """Describe which meshes have belts without an output, such as "contact.slip"; nothing: none."""
+    """Name the meshes that lack an output, such as "contact.slip"; "" if none does."""
     sizes = {f"{group}.{name}": size for group, name, size in ROWS}
     without = dict.fromkeys(
         f'"{row["mesh"]}"' for row in _core.BELTS if sizes.get(output) in row["lacks"]

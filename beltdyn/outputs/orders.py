@@ -1,4 +1,4 @@
-"""What repeats itself in a drive, and so makes lines: pulleys, the belt, links."""
+"""Periodic sources in a drive, which make lines: pulleys, the belt, links."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Source:
 
     @property
     def sharp(self) -> int:
-        """How many harmonics are lines at all, the speed being even enough for them."""
+        """Number of harmonics that are lines, the speed being even enough."""
         for k, kept in enumerate(self.kept):
             if kept < KEPT:
                 return k
@@ -167,7 +167,7 @@ def sources(result: Sampled, rows: Any = slice(None)) -> tuple[Source, ...]:
 
 
 def _source(name: str, kind: str, t: Array, rate: Array, known: float) -> Source | None:
-    """Describe what turns at a rate (n_t,) [Hz] at the times (n_t,); None if it stands still."""
+    """Make the source that turns at a rate (n_t,) [Hz]; None if it stands still."""
     steps = 0.5 * np.diff(t) * (rate[1:] + rate[:-1])
     turns = np.concatenate([[0.0], np.cumsum(steps)])
     if t.size < 3 or float(np.ptp(turns)) < STILL:

@@ -145,7 +145,7 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
 
 
 def _points(params: Params, belt: BeltHistory, group: str, rows: slice) -> Array:
-    """Return where the numbers of a group belong: joints, links, or what contact is reported at."""
+    """Return the points that the values of a group belong to: joints, links, contact points."""
     if group == "contact":
         return contact_points(params, belt, rows)
     part = coordinates(params, belt, rows)
@@ -185,7 +185,7 @@ def along(
 
 
 def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: Array) -> AlongBelt:
-    """Return what was found, with the names of the parts of the line."""
+    """Return the history with the names of the parts of the line."""
     names = params.pulley_names
     spans = [
         span_name(k, names, unnamed=f"span {k} to {(k + 1) % len(names)}")
@@ -198,7 +198,7 @@ def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: A
 
 
 def cell_places(params: Params) -> Array:
-    """Return where the cells of an ALE belt begin along the line, and its length (n_b + 1,) [m].
+    """Return the places along the line at which cells of an ALE belt begin, and its length [m].
 
     Of each its share of its wrap is the same wherever the axes are.
     """
@@ -301,7 +301,7 @@ def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
 def momentum_flux(
     params: Params, flow: Array, force: Array, spans: Array, travel: Array | None
 ) -> Array:
-    """Return what the belt's change of momentum takes off the hub loads (n_t, n_p, 2) [N].
+    """Return the part of the hub loads that turns the belt's momentum (n_t, n_p, 2) [N].
 
     ``m c (v_1 d_1 + v_2 d_2)`` with the flow c, the stress-free length that passes in a second, and
     the speeds v = c (1 + T / EA) of the spans beside a pulley, whose directions away from it are d.

@@ -71,7 +71,7 @@ class Coordinates(NamedTuple):
 
 
 def coordinates(params: Params, belt: Line, rows: slice) -> Coordinates:
-    """Return those of some samples; phi is not asked for where no place depends on it."""
+    """Return the coordinates at some samples; phi only where places depend on it."""
     x, y = belt.x[rows], belt.y[rows]
     return Coordinates(x, y, belt.phi[rows] if has_angles(params) else np.zeros_like(x))
 

@@ -37,7 +37,7 @@ PARTS = tuple(size for size in _FIRST if size not in ("PULLEYS", *ROWS))
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-    """Return every field its converter, and check arrays against the size of x or theta."""
+    """Set the converter of every field, and check arrays against the size of x or theta."""
 
     def array(name: str) -> dict[str, Any]:
         like = _FIRST[SIZES[name]]
@@ -78,7 +78,7 @@ def saved_shape(size: str, value: Any) -> tuple[int, ...]:
 
 
 def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
-    """Check the speeds of pulleys that a belt runs with; give them, and the speed of their rims.
+    """Check the speeds of pulleys that a belt runs with; return them and the speed of their rims.
 
     Args:
         name: What the messages call them.
@@ -172,7 +172,7 @@ class State:
         slip: Slip displacements since contact began (n_b,) [m]; with such spans (2, n_b) or more.
         theta: Angles of the pulleys (n_p,) [rad].
         omega: Angular velocities of the pulleys (n_p,) [rad/s].
-        travel: Travels of the mounts (n_m,): angle of an arm [rad], distance of a slider [m], time
+        travel: Travels of the mounts (n_m,) [rad or m]: angle of an arm, distance of a slider, time
             of a path [s]; empty without mounts.
         travel_speed: Their rates (n_m,) [rad/s or m/s].
         mount_friction: Share of a mount's friction that acts (n_m,) [1], within +-1.
@@ -218,7 +218,7 @@ class State:
 
     @property
     def n_bodies(self) -> int:
-        """Number of links, n_b; of an ALE belt of cells."""
+        """Number of links, n_b; of cells for an ALE belt."""
         return max(self.x.size, self.m.size)
 
     @property

@@ -57,7 +57,7 @@ def lines(report: ReportData) -> list[str]:
 
 
 def html(report: ReportData) -> str:
-    """Return the first screen as HTML, and all of the report behind a word that opens it."""
+    """Return the first screen as HTML, with the full report in a section that opens."""
     parts = [
         *paragraphs(opening(report)),
         *text.of_tables(_tables(report)),
@@ -76,7 +76,7 @@ def _remarks(table: Table) -> list[str]:
 
 
 def _height(table: Table, most: int) -> int:
-    """Count the lines of so many rows, and the one that says that there are more."""
+    """Count the lines of so many rows, with the one that says that there are more."""
     return len(table.rows) if len(table.rows) <= most else most + 1
 
 
@@ -92,7 +92,7 @@ def _columns(table: Table, most: int) -> list[str]:
 
 
 def _tables(report: ReportData) -> Iterator[Table]:
-    """Yield the tables of pulleys, spans and mounts, without columns that say nothing."""
+    """Yield the tables of pulleys, spans and mounts, without empty columns."""
     for table in (_pulleys(report), _spans(report), _mounts(report)):
         kept = [
             k
@@ -150,7 +150,7 @@ def _pulley(report: ReportData, row: PulleyRow, largest: float) -> tuple[str, ..
 
 
 def _of_creep(report: ReportData) -> float | None:
-    """Return the error of the speeds lost, which is relative to the largest [%]."""
+    """Return the error of the speeds lost, relative to the largest [%]."""
     largest = max((abs(one.slower) for one in report.creep), default=0.0)
     return report.creep_error and 100.0 * largest * report.creep_error
 
@@ -217,7 +217,7 @@ def _mounts(report: ReportData) -> Table:
 
 
 def _closing(report: ReportData) -> Iterator[str]:
-    """Describe in a sentence each: slip, power, errors, warnings, what else there is."""
+    """Yield a sentence each on slip, power, errors, warnings and what else there is."""
     yield from (f"Slip: {one}" for one in text.slips(report))
     if report.powers:
         yield f"Power: {_balance(report)}."
@@ -268,13 +268,13 @@ def _balance(report: ReportData) -> str:
 
 
 def _unit(put_in: float, error: float | None) -> float:
-    """Return the place to which what is put in is shown: half of it is lost at either end."""
+    """Return the decimal place to which the input power is shown."""
     shown, places = rounded(put_in, error and error * put_in)
     return 10.0 ** (math.floor(math.log10(shown)) + 1 - places)
 
 
 def _named(report: ReportData) -> list[str]:
-    """Name each warning once, with how many pulleys or spans it is of."""
+    """Name each warning once, with the number of pulleys or spans concerned."""
     codes = [one.code for one in report.warnings]
     return [
         f"{code} ({codes.count(code)})"

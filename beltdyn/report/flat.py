@@ -14,7 +14,7 @@ __all__ = ["Number", "numbers", "quantities"]
 
 
 class Number(NamedTuple):
-    """A number or a text of a report, and what it is of: a row of ``Report.to_frame()``."""
+    """A number or a text of a report, with its name and unit: a row of ``Report.to_frame()``."""
 
     part: str
     name: str
@@ -88,7 +88,7 @@ _ROWS: dict[str, type] = {
 
 
 def quantities(part: str) -> list[str] | None:
-    """List the quantities that :func:`numbers` may give of a part; None if there is no such part.
+    """List the quantities that :func:`numbers` may have of a part; None if there is none.
 
     All of a quantity: its mean, and " least" and " most" of one that has a range.
     """
@@ -116,7 +116,7 @@ def _unit(row: Any, field: str) -> str:
 
 
 def numbers(report: ReportData) -> list[Number]:
-    """Return all that is known, angles in rad: part, name, quantity, unit, value, text.
+    """Return all numbers and texts, angles in rad: part, name, quantity, unit, value, text.
 
     Of the run itself as part "report": its window, driver and belt speed, whether it is steady, the
     notes and warnings. A text has the value NaN; yes and no are 1 and 0, with the text.

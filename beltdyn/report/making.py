@@ -136,7 +136,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
 
 
 def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
-    """Return the driving pulley and the speed that others lose against it, as a report has them.
+    """Return the driving pulley and the rows of creep of the others.
 
     Returns:
         "" and no rows if it cannot be told.
@@ -154,7 +154,7 @@ def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
 
 
 def _turns(window: Window) -> list[str]:
-    """Describe where the window holds so few turns of a pulley that means are of broken periods."""
+    """Describe where the window holds too few turns of a pulley for its means."""
     run = window.run
     if not run._has("pulleys.omega"):
         return []
@@ -172,7 +172,7 @@ def _turns(window: Window) -> list[str]:
 
 
 def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
-    """Return where the belt's bending stiffness, which limits and margins leave out, matters.
+    """Describe where the belt's bending stiffness, which limits and margins neglect, matters.
 
     The belt leaves the rim at an angle sqrt(EI/T)/r to its span. There it is pressed on the rim by
     as much as on the arc that this takes off, but pulled along the rim by the component of the
@@ -207,7 +207,7 @@ def _mass_tension(window: Window, touched: Touching) -> float:
 
 
 def _belt_speeds(window: Window, touched: Touching) -> Spread | None:
-    """Return the same with its range."""
+    """Return the speed of the belt with its range."""
     smooth = window.smoothed(touched.speeds[:, None], touched.passing(window))[:, 0]
     found = spread(window, smooth * touched.stretch.mean(axis=1))
     return None if found is None else attrs.evolve(found, mean=_belt_speed(window, touched))

@@ -1,4 +1,4 @@
-"""What a report says of tensioner arms, sliders and paths."""
+"""Rows of tensioner arms, sliders and paths."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def mount_rows(
 
 
 def _there(mount: Sprung, field: str) -> bool:
-    """Return whether a mount has a part at all."""
+    """Return whether a mount has this part."""
     if field == "spring":
         return bool(mount.stiffness or mount.spring_force or mount._hung)
     if field in ("damper", "friction"):
@@ -86,7 +86,7 @@ def _there(mount: Sprung, field: str) -> bool:
 
 
 def _without_blows(window: Window, of_contact: Spread, pull: Array, passing: float) -> Spread:
-    """Take the mean from the contact, exact, and the swing round it from what the spans pull."""
+    """Take the mean from the contact, which is exact, and the range from the pull of the spans."""
     swing = spread(window, pull, passing)
     if swing is None or np.isnan(pull).any():
         return of_contact

@@ -1,4 +1,4 @@
-"""What a report says of the pulleys: motion, power, hub loads, arcs, tensions, margin to slip."""
+"""Rows of the pulleys: motion, power, hub loads, arcs, tensions, margin to slip."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def pulley_rows(
 
 
 def _slip_error(row: PulleyRow, returning: float) -> float:
-    """Return the error of the arc of slip [rad]: a quarter of a link, and what landings took of it.
+    """Return the error of the arc of slip [rad]: a quarter of a link, and the effect of landings.
 
     All of the friction in use is gone from the arc, and below 95 % elsewhere on the wrap, where the
     belt creeps back for a quarter of the time; right to a factor of three on steady drives.

@@ -1,4 +1,4 @@
-"""A report: rows, and what they are given as."""
+"""A report, as text, dictionaries and data frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rows of a report: what is said of a pulley, a span, a mount, creep, a power, a load cycle."""
+"""Rows of a report: pulley, span, mount, creep, power, load cycle."""
 
 from __future__ import annotations
 
@@ -307,7 +307,7 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
 
 @attrs.frozen(kw_only=True)
 class ReportData:
-    """What a report holds; :class:`Report` describes it."""
+    """Data of a report; :class:`Report` describes its fields."""
 
     begin: float
     end: float

@@ -1,4 +1,4 @@
-"""What a report says of the spans: tensions, the line that stands out, the string's frequency."""
+"""Rows of the spans: tensions, dominant line, frequency as a moving string."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Line(NamedTuple):
 
 
 def dominant(t: Array, values: Array) -> Line | None:
-    """Find the line that stands out in the spectrum of even samples; None if none does.
+    """Find the dominant line in the spectrum of evenly spaced samples; None if there is none.
 
     Amplitude spectrum with Hann's window, the mean and the linear trend taken off; its frequency
     from the three largest values (parabola through their logarithms).
@@ -183,7 +183,7 @@ def _without(window: Window, k: int, absent: NDArray[np.bool_]) -> str:
 
 
 def uneven(window: Window) -> str:
-    """Describe why there are no spectra of a window; nothing if its samples are even in time."""
+    """Describe why a window has no spectra; "" if its samples are evenly spaced."""
     steps = np.diff(window.t)
     if steps.size < 2 or np.ptp(steps) <= EVEN * steps.mean():
         return ""
@@ -191,7 +191,7 @@ def uneven(window: Window) -> str:
 
 
 def _of_links(found: tuple[Source, ...], t: Array, frequency: float) -> bool | None:
-    """Return whether a line is at the frequency of links that pass, a multiple of it, or an alias.
+    """Return whether a line is at the link passing frequency, a multiple of it, or an alias.
 
     None: the window cannot tell. It is too short to tell it from other lines, something else has a
     harmonic there as well, or the belt changes its speed so much that the links pass at this

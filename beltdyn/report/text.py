@@ -68,7 +68,7 @@ class Table(NamedTuple):
 
 
 def tables(report: ReportData) -> Iterator[Table]:
-    """Yield the tables of a report in which there is something."""
+    """Yield the tables of a report that are not empty."""
     parts = (
         (_motion, report.pulleys),
         (_loads, report.pulleys),
@@ -109,7 +109,7 @@ def _motion(report: ReportData) -> Table:
 
 
 def couplings(report: ReportData) -> tuple[str, ...]:
-    """Describe of each coupling its windup, and for how long a clutch is free."""
+    """Describe the windup of each coupling, and for how long a clutch is free."""
     remarks = []
     for row in report.pulleys:
         if row.windup is None:
@@ -127,7 +127,7 @@ def couplings(report: ReportData) -> tuple[str, ...]:
 
 
 def _without(value: Spread | None, least: float) -> Spread | None:
-    """Return a spread with 0 for numbers that are less than rounding leaves."""
+    """Return a spread with numbers below rounding set to 0."""
     if value is None:
         return None
     ends = (value.mean, value.least, value.most)
@@ -237,7 +237,7 @@ def cells(report: ReportData) -> bool:
 
 
 def note_on_mesh(report: ReportData) -> str:
-    """Return what there is to know of a mesh whose error is large enough to be warned of."""
+    """Return a note on a mesh whose error is large enough for a warning."""
     notes = (row["note"] for row in _core.BELTS)
     return next((one for one in notes if one and _warned(report, one)), "")
 
@@ -247,7 +247,7 @@ def _warned(report: ReportData, text: str) -> bool:
 
 
 def slips(report: ReportData) -> list[str]:
-    """Describe which pulleys slip first, as far as theory tells, and when; "" of none."""
+    """Describe which pulleys slip first by theory, and when; "" if none."""
     first = report.first_to_slip
     if first is None:
         return []
@@ -284,7 +284,7 @@ def _when(report: ReportData, row: PulleyRow) -> str:
 
 
 def _percents(value: Spread | None) -> str:
-    """Return the range of a share in percent, the most of it "slack" where it is infinite."""
+    """Return the range of a share in percent, its maximum "slack" where it is infinite."""
     if value is None:
         return NONE
     ends = ["slack" if math.isinf(one) else f"{100 * one:.0f}" for one in (value.least, value.most)]
@@ -494,7 +494,7 @@ def _cycles(report: ReportData) -> Table:
 
 
 def opening(report: ReportData) -> list[str]:
-    """Describe which part of the run it is, and how fast the belt is."""
+    """Describe the part of the run, and the speed of the belt."""
     told, range_ = "", report.belt_speeds
     if report.belt_speed is not None:
         told = f"; belt at {digits.belt_speed(report)} m/s"
@@ -509,14 +509,14 @@ def opening(report: ReportData) -> list[str]:
 
 
 def _against(report: ReportData) -> str:
-    """Describe which way the belt runs if that is not the one in which its links are numbered."""
+    """Say that the belt runs against the numbering of its links, if it does."""
     speed = report.belt_speed or 0.0
     nodes = "cells" if cells(report) else "links"
     return f" against the order of its {nodes}" if speed < -_STILL else ""
 
 
 def _unsteady(report: ReportData) -> str:
-    """Return what is least steady, and how much else is not."""
+    """Return what is least steady, and how many others are not."""
     more = len(report.unsteady) - 1
     return report.unsteady[0] + (f"; and {more} more (report.unsteady)" if more else "")
 
@@ -568,7 +568,7 @@ def _warnings(report: ReportData) -> list[str]:
 
 
 def foreseen(report: ReportData, code: str) -> bool:
-    """Whether a warning has an estimate of what has been measured since."""
+    """Whether a warning is an estimate of something measured since."""
     return code == "mesh" and report.accuracy.verified
 
 

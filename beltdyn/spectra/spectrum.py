@@ -123,7 +123,7 @@ class Spectrum:
         )
 
     def _sidebands(self, frequency: float, others: list[tuple[float, str]]) -> tuple[str, ...]:
-        """Name harmonics of the link passing that a known line modulates: beside them, as far."""
+        """Name side bands of the link passing, as far from its harmonics as a known line."""
         return tuple(
             f"{source.name} x{k} {'+' if sign > 0 else '-'} {name}"
             for source in self.sources
@@ -197,7 +197,7 @@ class Spectrum:
 
 
 def _by(source: Source) -> str:
-    """Describe by how much a source changes its speed, if that is a share of it."""
+    """Describe the change of speed of a source, if it is notable."""
     return f", by {percent(source.spread)}" if source.spread < 1.0 else ""
 
 

@@ -1,4 +1,4 @@
-"""What a run is made of, as a key: the same content gives the same key, however it was put.
+"""Content hash of a run: equal inputs, equal key.
 
 A scene is laid out flat, one entry for each number, by the names of :mod:`beltdyn.sweeping.names`.
 The key of a run of a sweep comes from this layout with the swept values put in, so that a run that

@@ -49,7 +49,7 @@ class _TooLong(Exception):
 
 @attrs.frozen(kw_only=True)
 class Plan:
-    """What was chosen for a budget.
+    """The setting chosen for a budget.
 
     Attributes:
         params: The drive, on the mesh chosen.
@@ -75,7 +75,7 @@ class Plan:
 
     @property
     def expected(self) -> Expected:
-        """What the result will say of its errors."""
+        """The errors expected, for the result."""
         return Expected(quantity=_QUANTITY, space=self.forecast.space, time=self.forecast.time)
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""What a run will cost and how far off it will be, from cheap runs on coarse meshes.
+"""Forecasts of the cost and the error of a run, from cheap runs on coarse meshes.
 
 The error in space falls as a power of the number of links; it is seen from meshes each twice as
 fine as the one before. The error in time of a method and tolerance is measured against a tight run
@@ -85,7 +85,7 @@ _FINEST = 10_000
 
 @attrs.frozen(kw_only=True)
 class Forecast:
-    """What to expect of a setting.
+    """Forecast of a setting.
 
     Attributes:
         setting: The setting.
@@ -193,7 +193,7 @@ class Pilot:
         return self.spent + seconds <= self._limit
 
     def off(self, seen: Observed) -> float:
-        """Return how far a run is from that on the finest mesh tried [1]."""
+        """Return the difference of a run to that on the finest mesh tried [1]."""
         return self._difference(seen, self._finest)
 
     def _difference(self, a: Observed, b: Observed) -> float:
@@ -248,7 +248,7 @@ class Pilot:
             self.space_errors = np.maximum(self.space_errors, least).tolist()
 
     def _free(self, done: Done) -> float:
-        """Return the mesh error that the result of a run states, of the tension if of no other."""
+        """Return the error of the mesh in the result of a run, of the tension if of no other."""
         known = (done.told[name].space for name in (self._quantity, "tension"))
         return next((space for space in known if space is not None), math.inf)
 
@@ -258,7 +258,7 @@ class Pilot:
 
     @property
     def most(self) -> int:
-        """The most links that forecasts go to."""
+        """Largest number of links of forecasts."""
         if self._fixed:
             return self.meshes[-1]
         beyond = _BEYOND if self.order >= _TRUSTED else 1.0
@@ -405,7 +405,7 @@ class Pilot:
         return float(cost[-1] * (n_bodies / meshes[-1]) ** float(np.clip(growth, *_GROWTH)))
 
     def forecast(self, setting: Setting) -> Forecast:
-        """Return what to expect of a setting of :meth:`settings`."""
+        """Return the forecast of a setting of :meth:`settings`."""
         return Forecast(
             setting=setting,
             seconds=self.seconds(setting),
@@ -424,7 +424,7 @@ class Pilot:
         return one
 
     def _worse(self, n_bodies: int) -> bool:
-        """Try a mesh between others, if affordable; tell whether it is worse than thought."""
+        """Try a mesh between others, if affordable; return whether it is worse than thought."""
         if n_bodies in self.meshes or not self.meshes[0] < n_bodies < self.meshes[-1]:
             return False
         if not self._affords(_DOUBLED * self._probe_cost(n_bodies)):

@@ -1,4 +1,4 @@
-"""What engineers read off a run, and how two runs differ in it.
+"""Quantities that engineers read off a run, and their differences between two runs.
 
 None of it depends on the number of links, so that runs on different meshes can be compared.
 """

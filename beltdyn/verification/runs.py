@@ -1,4 +1,4 @@
-"""Runs of a scene at given settings: their CPU time, and what is read off them."""
+"""Runs of a scene at given settings: their CPU time and quantities."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motions that grow without oscillating, or while they hardly do.
+"""Motions that grow without oscillating, or hardly oscillating.
 
 The search for modes (:mod:`.eigenvalues`) sees what lies round the imaginary axis, growing or
 decaying. What lies nearer to the positive real axis than some 12 degrees it does not see. Searched

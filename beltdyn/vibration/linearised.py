@@ -107,7 +107,7 @@ class Linear:
         return int(self.names.size)
 
     def rows(self, name: str) -> NDArray[np.intp]:
-        """Return where a field's unknowns stand."""
+        """Return the indices of the unknowns of a field."""
         return np.flatnonzero(self.names == name)
 
     def field(self, vector: Complex, name: str) -> Complex:
@@ -121,7 +121,7 @@ class Linear:
         return np.asarray(out / max(len(self.parts), 1), dtype=vector.dtype)
 
     def at_phase(self, vector: Complex, k: int) -> Complex:
-        """Take out of vectors (n, ...) what belongs to the unknowns of ``parts[k]``."""
+        """Take the unknowns of ``parts[k]`` out of vectors (n, ...)."""
         return vector if self.phase is None else vector[self.phase == k]
 
     def norms(self, rate: float) -> Array:
@@ -203,7 +203,7 @@ def linearise(
 def _jacobian(
     params: Params, core: Mapping[str, Any], sparse: Any
 ) -> tuple[Any, Any, NDArray[np.intp]]:
-    """J of the unknowns but for what is left out, the field of each and its place in it."""
+    """J of the unknowns that are kept, the field of each and its place in it."""
     sizes = {name: np.size(core[name]) for name in _SIZES}
     names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
     index = np.concatenate([np.arange(size) for size in sizes.values()])
@@ -260,7 +260,7 @@ def speed_of(params: Params, core: Mapping[str, Any]) -> float:
 
 
 def passing_of(params: Params, core: Mapping[str, Any]) -> float:
-    """Links that pass a place per second, in the sense of their numbering; no cells do."""
+    """Links that pass a place per second, in the sense of their numbering; 0 for cells."""
     if params._belt_facts["flows"]:
         return 0.0
     dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))

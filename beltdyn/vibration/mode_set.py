@@ -1,4 +1,4 @@
-"""Modes as they are given and printed: frequencies, damping, shapes, what else was met."""
+"""Modes as they are returned and printed: frequencies, damping, shapes and other motions."""
 
 from __future__ import annotations
 

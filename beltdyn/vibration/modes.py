@@ -165,7 +165,7 @@ def modes(
 
 
 def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> None:
-    """Warn of motions that grow: of modes whose damping below -0.1 % is not the mesh's."""
+    """Warn of motions that grow: modes with a damping below -0.1 %, unless due to the mesh."""
     told = [
         f"{name} grows by {value.real:.3g} 1/s" for value, name in zip(grows, names, strict=True)
     ]
@@ -291,20 +291,20 @@ def _without_turning(linear: Linear, found: Found) -> tuple[Found, complex | Non
 
 
 def _least_damped(found: Found, n: int, most: float) -> tuple[Found, int]:
-    """Return the lowest n with a damping ratio below ``most``, and how many others lie below."""
+    """Return the lowest n with a damping ratio below ``most``, and the number of others below."""
     keep = np.flatnonzero(-found[0].real < most * abs(found[0]))[:n]
     left_out = int(keep[-1]) + 1 - keep.size if keep.size else 0
     return (found[0][keep], found[1][:, keep]), left_out
 
 
 def _of_bodies(still: Found, shares: parts.Participation) -> Found:
-    """Of what decays the motions of pulleys and mounts; those of friction and contact are many."""
+    """Select the decaying motions of pulleys and mounts; those of friction and contact are many."""
     keep = shares.pulleys.sum(axis=1) + shares.mounts.sum(axis=1) > BODIES
     return still[0][keep], still[1][:, keep]
 
 
 def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
-    """Return the scatter that T s makes (see :func:`modes`), s of each end of a wrap for itself.
+    """Return the scatter due to T s (see :func:`modes`), with s independent at each end of a wrap.
 
     It is even within a link. The stiffness of a mode is twice its kinetic energy.
     """

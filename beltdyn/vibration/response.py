@@ -197,7 +197,7 @@ def _amplitude(name: str, value: Any) -> complex:
 
 
 def _mesh_turning(mesh: tuple[Array, Array, float | None] | None, at: Array) -> float:
-    """Return the frequency that the mesh makes of the drive's turning [Hz]; warn if it stays."""
+    """Return the frequency of the drive's turning on the mesh [Hz]; warn if it is not removed."""
     if mesh is None:
         return 0.0
     if mesh[2] is None:
