@@ -509,7 +509,7 @@ def opening(report: ReportData) -> list[str]:
 
 
 def _against(report: ReportData) -> str:
-    """Say that the belt runs against the numbering of its links, if it does."""
+    """Note that the belt runs against the numbering of its links, if it does."""
     speed = report.belt_speed or 0.0
     nodes = "cells" if cells(report) else "links"
     return f" against the order of its {nodes}" if speed < -_STILL else ""
