@@ -47,7 +47,7 @@ def running(
     Args:
         outputs: The files that were asked for.
         checkpoint: The file it is written to as it goes, with which it can go on.
-        drive: Gives the drive, whose warnings are told where there is no result.
+        drive: Returns the drive, whose warnings are told where there is no result.
         scene: The hard scene that is run; an error in which it must end is no failure.
     """
     try:

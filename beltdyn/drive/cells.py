@@ -67,10 +67,10 @@ STEPS, AT, POWER, STEP = 1800.0, 1e-2, 0.3, 12.0
 #: Implicit steps for each link that lands or leaves, 1.5 to 8 measured; explicit ones over
 #: 1/(spectral bound).
 LANDING, EXPLICIT = 1.5, 2.5
-#: How many times dearer links are before an ALE belt is told of, whose CPU time is known to a
-#: factor of two or three; and of how many explicit steps of a link, 0.05 s, a run is then.
+#: Least speed-up for which an ALE belt is recommended, its CPU time being known to a factor of two
+#: or three; and the explicit steps of a link that such a run has at least, 0.05 s.
 CHEAPER, WORTH = 10.0, 3e5
-#: Error of a frequency from which on it is not given; what is left free below the first of these.
+#: Error above which a frequency is not returned; margin below the first such frequency.
 AMISS, NEAR = 0.01, 0.97
 
 
@@ -102,7 +102,7 @@ def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
 def instead(params: D) -> D | None:
     """Return the drive with an ALE belt in place of links; None: it has one, or cannot have it.
 
-    Nor has a belt on the paper's mesh, which is there to give the paper's numbers.
+    Nor has a belt on the paper's mesh, which is there for the paper's numbers.
     """
     if params._belt_facts["flows"] or params._belt_facts["tangents"]:
         return None

@@ -227,17 +227,9 @@ def _solve(
 ) -> tuple[float, float]:
     """Solve for the value of a nearly linear, increasing function: secants within a bracket.
 
-    Args:
-        value: The function.
-        target: The value looked for, > 0.
-        start: Where to look first.
-        slope: Of the function, about.
-        within: Where it is less and where it is more than the target.
-        close: Relative difference to the target at which to stop.
-        most: Evaluations at most.
-
-    Returns:
-        The place whose value came nearest, and that value.
+    Returns the place whose value came nearest to the target, > 0, and that value; ``slope`` is
+    about that of the function, ``within`` a bracket, ``close`` the relative difference at which to
+    stop, ``most`` the largest number of evaluations.
     """
     low, high = within
     at = min(max(start, low), high)

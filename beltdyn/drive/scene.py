@@ -124,11 +124,7 @@ class Scene(NamedTuple):
         return scene
 
     def _document(self) -> dict[str, Any]:
-        """Return the tables of TOML.
-
-        Raises:
-            TypeError: The torque or a motion is a function, which TOML cannot hold.
-        """
+        """Return the tables of TOML; TypeError for functions, which it cannot hold."""
         torque = self.torque_fn
         if not isinstance(torque, Torque):
             raise TypeError(

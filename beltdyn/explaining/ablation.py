@@ -255,7 +255,7 @@ def ablate(
         error: The error asked for [1].
         time_left: CPU time that is left [s]. Without any, what has not been left out so far is
             not; while there is enough, runs are repeated for their times.
-        longer: Gives runs that take about the CPU time given [s], to confirm what may go.
+        longer: Returns runs that take about the CPU time given [s], to confirm what may go.
 
     Raises:
         SimulationError: The scene with all its effects does not run.

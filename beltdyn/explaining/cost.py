@@ -120,7 +120,7 @@ def time_step(start: Callable[[str], _core.Simulation], method: str) -> Step:
     """Measure a step and its passes.
 
     Args:
-        start: Gives a run by a method, at the state at which to measure.
+        start: Returns a run by a method, at the state at which to measure.
         method: The method; "auto": the one with which it comes furthest in a while.
     """
     if method == "auto":

@@ -46,7 +46,7 @@ class Removal(NamedTuple):
     Attributes:
         name: Its name.
         how: What to change in the scene.
-        apply: Gives the scene without it.
+        apply: Returns the scene without it.
     """
 
     name: str
@@ -105,8 +105,8 @@ def _number(path: str, name: str, where: list[str]) -> Removal:
 def _of_same_tension(params: Params) -> Params:
     """Return the tension at rest in place of the length, or of the preload of mounts, that make it.
 
-    A belt that bends is shorter on its way and lifted off its pulleys. What that does to the
-    tension at rest is of no interest: who leaves it out still tightens the belt to its tension.
+    A belt that bends is shorter on its way and lifted off its pulleys. Its effect on the tension at
+    rest does not count: without bending the belt is still tightened to its tension.
     """
     belt, pulleys, sprung = params.belt, list(params.pulleys), _sprung(params)
     if belt.length is not None and not sprung:

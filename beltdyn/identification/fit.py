@@ -303,7 +303,7 @@ class _Search:
     def _probe(self) -> Array | None:
         """Try the ends of the intervals and beyond; return a point that fits better, or None.
 
-        Along the way on which the other parameters follow, as far as the linearised problem knows.
+        The other parameters follow as in the linearised problem.
         """
         assert self.best is not None and self._slopes is not None
         spread = linear.covariance(self._scaled(self._slopes[1]))

@@ -29,7 +29,7 @@ _Out = TypeVar("_Out")
 #: Wall time of a batch [s]: what it takes to hand one out is then small against it.
 _IN_THREADS, _ELSEWHERE = 0.1, 0.5
 
-#: How often processes look whether the one that began the sweep is still there [s].
+#: Time between checks of a process that the one that began the sweep is still there [s].
 _PARENT_CHECK_INTERVAL = 0.5
 
 

@@ -299,11 +299,7 @@ def _entries(modes: Any) -> list[Any]:
 
 
 def _check_speeds(result: Result, found: Spectrogram, pulley: int) -> None:
-    """Refuse a run in which there are not several speeds of the pulley to draw over.
-
-    Raises:
-        ValueError: It says why: the pulley stands still, turns steadily, or samples are few.
-    """
+    """Raise ValueError where a run has too few speeds of the pulley to draw over."""
     name = result.params.label(pulley)
     omega = np.abs(result.pulleys.omega[:, pulley])
     turns = float(np.trapezoid(omega, result.t)) / (2.0 * np.pi)

@@ -37,7 +37,7 @@ __all__ = ["html", "lines"]
 _WIDTH, _HEIGHT = 100, 39
 #: Rows that a table has in any case.
 _LEAST = 2
-#: Losses told one by one, largest first; smaller parts of what is put in are left out.
+#: Losses listed one by one, largest first; smaller shares of the input power are left out.
 _LOSSES, _SMALL = 3, 1e-3
 
 

@@ -40,7 +40,7 @@ SLIPS = 0.3
 
 
 class _Of(NamedTuple):
-    """What goes into the speed of a pulley: stretch, 1 - f / (c lambda), R / r."""
+    """Factors of the speed of a pulley: stretch, 1 - f / (c lambda), R / r."""
 
     stretch: float
     friction: float

@@ -17,7 +17,7 @@ __all__ = ["cycle_rows", "rainflow"]
 
 #: Classes of ranges in a report.
 CLASSES = 8
-#: Of the tension at rest: cycles below it are rounding.
+#: Share of the tension at rest: cycles below it are rounding.
 NEGLIGIBLE_RANGE = 1e-6
 
 
@@ -64,7 +64,7 @@ def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
 
     Args:
         window: The part of the run.
-        driver: The driving pulley, whose rim tells how far the belt has gone.
+        driver: The driving pulley, whose rim measures how far the belt has gone.
         joint: The joint; of cells the belt that is in the middle of this one at the end.
     """
     run, flows = window.run, window.params._belt_facts["flows"]

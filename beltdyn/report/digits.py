@@ -105,7 +105,7 @@ def placed(
     """Return mean, least and most, all rounded to the place that the error allows.
 
     Args:
-        value: What is told.
+        value: The quantity.
         share: The error over the size [1]; None: not known.
         scale: What all of it is multiplied with.
         ends: Least and most, if others than its own.
@@ -291,7 +291,7 @@ def loss(report: ReportData, power: float, value: float | None = None) -> str:
     Args:
         report: The report.
         power: What is lost [W].
-        value: What is told in its place, a share of what is put in.
+        value: Number to print instead, a share of the input power.
     """
     put_in = sum(one.power for one in report.powers if one.kind == "in")
     value = power if value is None else value

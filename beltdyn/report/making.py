@@ -23,15 +23,15 @@ from .window import OF_ARCS, Run, Window, missing
 
 __all__ = ["creep_of", "make_report"]
 
-#: Share of the exponent mu wrap from which on it is said that bending takes it off.
+#: Share of the exponent mu wrap that bending takes off, from which on a report states it.
 NOTABLE = 0.01
-#: Turns of a pulley in the window below which it is said how many, and those of one that stands.
+#: Turns of a pulley in the window below which a report states them, and those of one that stands.
 MIN_TURNS, STANDSTILL_TURNS = 5.0, 0.01
 #: Power over the largest one of a pulley that only runs along.
 IDLE = 0.01
 
 
-#: What cannot be told without which outputs; frequencies, powers and cycles say it themselves.
+#: What needs which outputs; frequencies, powers and cycles name theirs themselves.
 _PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
     (("pulleys.omega",), "speeds, no creep, no margin to slip"),
     (("pulleys.torque",), "torques"),

@@ -17,7 +17,7 @@ from .window import OF_ARCS, Window, missing
 
 __all__ = ["pulley_rows", "spread"]
 
-#: Of the tension at rest: a force below it is rounding, and has no direction.
+#: Share of the tension at rest: a force below it is rounding, and has no direction.
 NEGLIGIBLE_FORCE = 1e-6
 
 

@@ -193,7 +193,7 @@ def uneven(window: Window) -> str:
 def _of_links(found: tuple[Source, ...], t: Array, frequency: float) -> bool | None:
     """Return whether a line is at the link passing frequency, a multiple of it, or an alias.
 
-    None: the window cannot tell. It is too short to tell it from other lines, something else has a
+    None: not known. The window is too short to separate it from other lines, something else has a
     harmonic there as well, or the belt changes its speed so much that the links pass at this
     frequency for a part of it.
     """

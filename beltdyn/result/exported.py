@@ -65,7 +65,7 @@ def write(
         t: Sample times (n_t,) [s].
         arrays: Histories (n_t, ...) by name.
         params: The drive.
-        dataset: Gives the same as an ``xarray.Dataset``.
+        dataset: Returns the same as an ``xarray.Dataset``.
 
     Raises:
         OSError: It cannot be written; a file that was there before is unchanged.

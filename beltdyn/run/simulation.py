@@ -305,9 +305,9 @@ def _simulate(
     watch: Callable[[Reached], None] | None = None,
     recorder: Recorder | None = None,
 ) -> tuple[Result, State]:
-    """Run once, as :func:`simulate` without ``verify``; give also the state it started from.
+    """Run once, as :func:`simulate` without ``verify``; return also the initial state.
 
-    ``outputs`` are as :func:`beltdyn.outputs.selection.chosen` gives them.
+    ``outputs`` are as :func:`beltdyn.outputs.selection.chosen` returns them.
 
     ``watch`` is told now and then how far it is; a SimulationError that it raises ends the run.
     ``recorder`` writes it as it goes; with one of a run that was stopped, it goes on.

@@ -150,9 +150,8 @@ def unpack(content: bytes) -> tuple[Start, float]:
 def _texts(scene: Scene) -> tuple[str, bool, bool | None]:
     """Return a scene as TOML, with what can be written of its loads.
 
-    Returns:
-        The text; whether the torque is in it; whether the motions are, None if there are none. In
-        the text the run ends at 1 s, since those of other scenes may not end before 0.
+    Also whether the torque is in it, and the motions, None if there are none. In the text the run
+    ends at 1 s, since those of other scenes may not end before 0.
     """
 
     def text(torque: TorqueLike, motion: ByPulley[MotionLike] | None) -> str | None:

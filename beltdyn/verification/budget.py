@@ -143,7 +143,7 @@ def plan(
         initial: State to start from; the mesh is then fixed.
         t_eval: Sample times (n_t,) [s].
         options: Further keywords of the run.
-        clock: Gives the CPU time of this thread [s].
+        clock: Returns the CPU time of this thread [s].
 
     Raises:
         ValueError: Not even the coarsest run fits; the message says how much it would take.

@@ -109,12 +109,12 @@ class Pilot:
     """Cheap runs of a scene, and forecasts from them.
 
     Args:
-        run: Gives the run at a setting, as :class:`beltdyn.verification.runs.Runs` does.
+        run: Returns the run at a setting, as :class:`beltdyn.verification.runs.Runs` does.
         params: The drive.
         quantity: One of ``QUANTITIES``, of which errors are meant.
         fixed: Whether the number of links stays that of the drive; errors in space are then NaN.
         limit: CPU time after which no further run begins [s].
-        clock: Gives the CPU time of this thread [s].
+        clock: Returns the CPU time of this thread [s].
 
     Attributes:
         meshes: Numbers of links tried.
@@ -249,7 +249,7 @@ class Pilot:
 
     def _free(self, done: Done) -> float:
         """Return the error of the mesh in the result of a run, of the tension if of no other."""
-        known = (done.told[name].space for name in (self._quantity, "tension"))
+        known = (done.accuracy[name].space for name in (self._quantity, "tension"))
         return next((space for space in known if space is not None), math.inf)
 
     def _near(self, error: float) -> bool:
@@ -306,7 +306,7 @@ class Pilot:
         """Find errors in time where tight runs take too long: by one loose run, or none."""
         probes = (one for n_b in reversed(meshes) if (one := self._probe(n_b)) is not None)
         for probe in probes:
-            self.time_mesh, claim = probe.n_bodies, self._done[probe].told["tension"].time
+            self.time_mesh, claim = probe.n_bodies, self._done[probe].accuracy["tension"].time
             error = probe.rtol if claim is None else claim
             self.time_errors = {(probe.method, probe.rtol): error}
             if not self._affords(0.0) or self._loose(probe, math.inf):
@@ -409,7 +409,7 @@ class Pilot:
         return Forecast(
             setting=setting,
             seconds=self.seconds(setting),
-            # results tell errors no better
+            # results know errors no better
             space=math.nan if self._fixed else max(SPACE_FLOOR, self.space_error(setting.n_bodies)),
             time=max(TIME_FLOOR, self._there(setting.method, setting.rtol)[0]),
         )

@@ -61,7 +61,7 @@ JUDGED = 0.1
 
 _SPEEDS = ("vx", "vy", "vphi", "v", "p", "omega")
 
-#: ``simulate`` without verification; it also gives the state from which the run started.
+#: ``simulate`` without verification; it also returns the state from which the run started.
 Run = Callable[..., tuple[Result, State]]
 Settle = Callable[..., State]
 
@@ -414,7 +414,7 @@ def _until(result: Result, observed: Observed, in_time: _Check | str, limit: flo
 def _parting(a: Observed, b: Observed, limit: float) -> float | None:
     """Return the last time at which tensions differ by a tenth of a limit exceeded later.
 
-    The limit is relative to the mean tension, and far beyond what the tolerance explains.
+    The limit is relative to the mean tension, and far beyond the error of the tolerance.
     """
     apart = np.sqrt(np.mean((a.tension - b.tension) ** 2, axis=1))
     beyond = np.flatnonzero(apart > limit * b.scales["tension"])

@@ -19,7 +19,7 @@ __all__ = ["Modes", "Shapes"]
 
 #: Motions that decay without oscillating of which each has a line in print.
 STILL = 4
-#: Estimated error of a frequency by the mesh that is told.
+#: Estimated error of a frequency by the mesh from which on it is reported.
 MESHED = 0.01
 
 

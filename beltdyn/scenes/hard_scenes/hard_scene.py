@@ -119,7 +119,7 @@ class Entry:
     Attributes:
         make: Makes the scene.
         start: Makes the state in which it starts; None: settled at rest.
-        theory: Gives the deviation of a run from theory; None: there is none.
+        theory: Returns the deviation of a run from theory; None: there is none.
     """
 
     provokes: str
