@@ -113,7 +113,7 @@ def _create(temporary: Path, private: bool) -> None:
 
 
 def _complete(temporary: Path, before: os.stat_result | None) -> None:
-    """Flush the file to disk; give it the owner and the rights of the file it replaces."""
+    """Flush the file to disk; set its owner and rights to those of the file it replaces."""
     with open(temporary, "r+b") as file:
         os.fsync(file.fileno())
     if before is None:

@@ -44,7 +44,7 @@ def pack(values: Mapping[str, Any]) -> bytes:
 
 
 def unpack(content: bytes, names: Collection[str]) -> dict[str, NDArray[Any]]:
-    """Return the arrays of what :func:`pack` gave.
+    """Return the arrays packed by :func:`pack`.
 
     Args:
         content: The bytes.

@@ -77,7 +77,7 @@ _ENDING = [
 
 @contextmanager
 def without_ctrl_c() -> Iterator[None]:
-    """Answer Ctrl-C only afterwards, so that what has ended is taken once and as a whole."""
+    """Defer Ctrl-C, so that finished runs are taken once and as a whole."""
     handlers = {one: signal.getsignal(one) for one in _ENDING}
     if threading.current_thread() is not threading.main_thread():
         handlers = {}

@@ -143,7 +143,7 @@ def time_step(start: Callable[[str], _core.Simulation], method: str) -> Step:
 
 
 def _chosen(sim: _core.Simulation) -> str:
-    """Return the method with which "auto" mostly runs; it tries others now and then."""
+    """Return the method with which "auto" covers the most time; it tries others now and then."""
     far: defaultdict[str, float] = defaultdict(float)
     begin, done = time.thread_time(), False
     while time.thread_time() - begin < _CHOICE and not done:

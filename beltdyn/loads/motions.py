@@ -108,7 +108,7 @@ class AngleTable:
         object.__setattr__(self, "speed", PiecewiseLinear(t, speeds))
 
     def _filtered(self, cutoff: float) -> tuple[Array, Array]:
-        """Return times and speeds of the angles without what is faster than the cutoff."""
+        """Return times and speeds of the angles, filtered at the cutoff."""
         signal = scipy_module("signal", "angle tables")
         lasts = float(self.t[-1] - self.t[0])
         n = 1 + round(lasts / float(np.median(np.diff(self.t))))

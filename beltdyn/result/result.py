@@ -327,7 +327,7 @@ class Result:
         return self._slip(np.asarray(rims))
 
     def _rims(self) -> Array | None:
-        """Angular velocities of what the belt runs on (n_t, n_p) [rad/s]; None: not kept."""
+        """Angular velocities of the rims under the belt (n_t, n_p) [rad/s]; None: not kept."""
         if not self._has("pulleys.omega"):
             return None
         on_rim = [

@@ -158,7 +158,7 @@ _OTHER = {"params.belt.length": "params.belt.preload", "params.belt.preload": "p
 
 
 def _is_own(node: Any) -> bool:
-    """Whether something is a part of a drive, a load or a state, whose fields are all of it."""
+    """Whether an object is a part of a drive, a load or a state, defined by its fields."""
     kind = type(node)
     return attrs.has(kind) and kind.__module__.startswith(f"{__name__.partition('.')[0]}.")
 
@@ -168,7 +168,7 @@ def _is_one(value: Any) -> bool:
 
 
 def _number(value: int | float) -> str:
-    """Return the same text for an integer and the float that is the same number."""
+    """Return a number as text, the same for an integer and an equal float."""
     try:
         return float(value).hex() if float(value) == value or value != value else repr(value)
     except OverflowError:
@@ -180,7 +180,7 @@ def _digest(leaf: Leaf) -> bytes:
 
 
 def _sum(leaves: Iterable[Leaf]) -> int:
-    """Return one number for entries in any order, so that a few can be exchanged in no time."""
+    """Return one number for entries in any order, so that a few can be exchanged quickly."""
     return sum(int.from_bytes(_digest(leaf)) for leaf in leaves)
 
 

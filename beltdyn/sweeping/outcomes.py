@@ -1,4 +1,4 @@
-"""What a run of a sweep gives: its numbers and texts in a row, and what stands where in it."""
+"""Outcome of a run of a sweep: its numbers and texts in a row, and the layout of the row."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Axis(NamedTuple):
 
 
 class Quantity(NamedTuple):
-    """A measured quantity: what it is called, its axes, its unit; of numbers or texts."""
+    """A measured quantity: its name, axes and unit; of numbers or texts."""
 
     name: str
     axes: tuple[Axis, ...]
@@ -64,7 +64,7 @@ class Quantity(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many numbers or texts it has."""
+        """Number of its numbers or texts."""
         return math.prod(self.shape)
 
 
@@ -76,12 +76,12 @@ class Layout:
 
     @property
     def numbers(self) -> int:
-        """How many numbers a row has."""
+        """Number of numbers in a row."""
         return sum(one.size for one in self.quantities if not one.words)
 
     @property
     def words(self) -> int:
-        """How many texts a row has."""
+        """Number of texts in a row."""
         return sum(one.size for one in self.quantities if one.words)
 
 
@@ -90,7 +90,7 @@ NOTHING = Layout(())
 
 @attrs.frozen(eq=False, kw_only=True)
 class Outcome:
-    """How a run ended, and what it gave.
+    """How a run ended, and its results.
 
     Attributes:
         status: One of :data:`STATUSES`.

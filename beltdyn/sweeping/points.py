@@ -1,4 +1,4 @@
-"""The points of a sweep: which values its runs have, and how they are laid out."""
+"""The points of a sweep: the values of its runs, and their layout."""
 
 from __future__ import annotations
 
@@ -125,5 +125,5 @@ def _values(name: str, values: Any) -> tuple[Any, ...]:
 
 
 def as_json(design: Mapping[str, Any]) -> str:
-    """Write a design as text, which an attribute of a file can hold."""
+    """Write a design as text, for an attribute of a file."""
     return json.dumps(design, sort_keys=True)

@@ -158,7 +158,7 @@ def _shares(names: tuple[str, ...], n: int, method: str, seed: int, second_order
 
 
 def _quantiles(ranges: object) -> tuple[dict[str, Callable[[Array], Any]], dict[str, str]]:
-    """Check the ranges; give what makes values of shares, and the ranges as text, by name."""
+    """Check the ranges; return quantile functions, and the ranges as text, by name."""
     if not isinstance(ranges, Mapping):
         raise TypeError(f"ranges must be a dict by parameter, got {shown(ranges)}")
     if not ranges:

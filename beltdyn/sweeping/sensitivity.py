@@ -1,4 +1,4 @@
-"""Which parameters a quantity of a sweep depends on: Sobol' indices, by SALib."""
+"""Sensitivity of quantities of a sweep to parameters: Sobol' indices, by SALib."""
 
 from __future__ import annotations
 
@@ -302,7 +302,7 @@ def _check_enough(dataset: Any, found: Sequence[Indices], design: Design, name: 
 
 
 def _failures(dataset: Any) -> str:
-    """Return " (3 runs failed, 2 were refused)" from the states of the runs, or nothing."""
+    """Return " (3 runs failed, 2 were refused)" from the states of the runs, or ""."""
     if "status" not in dataset:
         return ""
     states, counts = np.unique(dataset["status"].values.astype(str), return_counts=True)

@@ -110,7 +110,7 @@ class Store:
             self._waiting.append((key, outcome))
 
     def tend(self) -> None:
-        """Write what waits, if the last part is some time ago.
+        """Write waiting outcomes, if the last part is some time ago.
 
         Raises:
             OSError: A part cannot be written.
@@ -120,7 +120,7 @@ class Store:
             self.flush()
 
     def flush(self) -> None:
-        """Write what waits.
+        """Write waiting outcomes.
 
         Raises:
             OSError: A part cannot be written.

@@ -46,7 +46,7 @@ class SweepInterrupted(KeyboardInterrupt):
 
 
 class Swept(NamedTuple):
-    """A sweep that is done, and what it took.
+    """A finished sweep, and its cost.
 
     Attributes:
         dataset: The results.
@@ -187,7 +187,7 @@ def run_sweep(
     version: str = "",
     **options: Any,
 ) -> Swept:
-    """Do a sweep, as :func:`sweep`, and tell what it took."""
+    """Do a sweep, as :func:`sweep`, and return its cost, too."""
     optional_module("xarray", "beltdyn.sweep", "sweep")
     base = as_scene(scene)
     points = as_points(over, combine)
@@ -349,7 +349,7 @@ def as_scene(scene: Any) -> Scene:
 
 
 def _check_names(scene: Scene, points: Points) -> dict[str, tuple[str, str]]:
-    """Check what is swept; give units and texts."""
+    """Check what is swept; return units and texts."""
     of_drive = [name for name in points.names if find(scene, name).root == "params"]
     for k, name in enumerate(of_drive):
         for other in of_drive[:k]:
@@ -386,7 +386,7 @@ def _chains(points: Points, warm: object) -> list[int]:
 
 
 def _order(scene: Scene, points: Points, runs: Sequence[int]) -> list[int]:
-    """Put runs of the same drive one after the other: they share the state it settles into."""
+    """Sort runs of the same drive together: they share its settled state."""
     of_drive = [k for k, name in enumerate(points.names) if find(scene, name).root == "params"]
     groups: dict[str, list[int]] = {}
     for run in runs:
@@ -408,7 +408,7 @@ def _kinds(scene: Scene, points: Points) -> set[str]:
 
 
 def _in_python(scene: Scene, points: Points, measure: Measure) -> str:
-    """Return why runs would keep the interpreter busy; "": they do not."""
+    """Return the reason why runs keep the interpreter busy, "" if they do not."""
     if "call" in _kinds(scene, points):
         return "the torque is a Python function"
     motions = as_motions(scene.motion, scene.params.pulley_names)
