@@ -50,7 +50,7 @@ def price(
 
     Args:
         study: From ``bd.accuracy.study``.
-        quantity: What the errors are of.
+        quantity: Quantity whose errors are shown.
         error: The error for which the cheapest run is marked.
         fig: Figure to draw into; None: a new one.
 

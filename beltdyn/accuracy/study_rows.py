@@ -31,7 +31,7 @@ class Row:
     Attributes:
         setting: Number of links, method, tolerance.
         seconds: CPU time, without settling, the least of ``repeats`` [s]; NaN if the run failed.
-        repeats: How often it was run.
+        repeats: Number of runs.
         steps: Steps, rejected ones included.
         error: Difference to the reference on the finest mesh: the total error.
         time: Difference to the reference on the same mesh: the error in time.

@@ -37,14 +37,14 @@ class Study:
     Attributes:
         rows: All runs, by mesh, method and tolerance.
         space: By ``n_bodies``, the error in space: of the mesh's own reference.
-        time_floor: By ``n_bodies``, how far the two references on the mesh differ.
-        space_floor: How far the two references on the finest mesh differ or, if more, what is
-            estimated to be left of the error in space there.
+        time_floor: By ``n_bodies``, the difference of the two references on the mesh.
+        space_floor: Difference of the two references on the finest mesh or, if larger, the
+            estimated error in space there.
         finest: ``n_bodies`` of the reference in space.
         references: How the references were computed, a line for each mesh.
         mesh: How the belt meets the pulleys, ``Belt.mesh``.
-        nodes: What ``n_bodies`` is the number of: "links", "masses" or "cells".
-        n_bodies: How many the scene itself has.
+        nodes: What ``n_bodies`` counts: "links", "masses" or "cells".
+        n_bodies: Number in the scene itself.
     """
 
     rows: tuple[Row, ...]
@@ -75,7 +75,7 @@ class Study:
 
         Args:
             error: The largest total error [1].
-            quantity: What it is the error of.
+            quantity: Quantity whose error it is.
 
         Raises:
             TypeError, ValueError: An argument breaks its rule.
@@ -187,7 +187,7 @@ class Study:
         """Draw cost against error by method, against links, and the errors of the cheapest runs.
 
         Args:
-            quantity: What the errors are of.
+            quantity: Quantity whose errors are shown.
             error: The error for which the cheapest setting is marked.
 
         Raises:

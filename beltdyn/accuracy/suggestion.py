@@ -41,7 +41,7 @@ class Suggestion:
         rtol: Its tolerance.
         seconds: CPU time of the run, without settling [s].
         asked: The error asked for [1].
-        quantity: What it is the error of, one of ``bd.accuracy.QUANTITIES``.
+        quantity: Quantity whose error it is, one of ``bd.accuracy.QUANTITIES``.
         error: The error expected [1], the sum of the next two.
         error_space: That of the mesh [1].
         error_time: That of the integration in time [1].
@@ -148,7 +148,7 @@ def suggest(
     Args:
         scene: The scene, as in :mod:`beltdyn.scenes`; of its mesh only the number of links changes.
         error: The error asked for [1], 0.01: one percent; at least 1e-6, below 1.
-        quantity: What it is the error of, one of ``bd.accuracy.QUANTITIES``.
+        quantity: Quantity whose error it is, one of ``bd.accuracy.QUANTITIES``.
         limit: CPU time after which no further pilot run begins [s].
 
     Raises:

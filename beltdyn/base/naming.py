@@ -88,9 +88,9 @@ def index_of(field: str, pulley: object, names: Sequence[str]) -> int:
     """Find a pulley by its name or its index.
 
     Args:
-        field: What the argument is called in messages.
+        field: Name of the argument in messages.
         pulley: The name, or the index.
-        names: Of the drive's pulleys.
+        names: Names of the drive's pulleys.
 
     Raises:
         TypeError: Neither a name nor an index.

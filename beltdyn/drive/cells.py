@@ -133,7 +133,7 @@ def cheaper(params: Drive, explicit: float, implicit: float, rtol: float, time: 
         explicit: Explicit steps of the run.
         implicit: Implicit ones.
         rtol: Error asked for.
-        time: How long the run was [s].
+        time: Length of the run [s].
 
     Returns:
         How many times [1]; 0 below ``CHEAPER``, and of short runs.
@@ -223,7 +223,7 @@ def modes_off(share: float, modes: int) -> Array:
 
     Args:
         share: Speed of the belt over that of waves, b.
-        modes: How many of them.
+        modes: Number of them.
     """
     n = np.arange(1, modes + 1)
     apart = np.where((n[:, None] + n) % 2 == 1, n[:, None] ** 2 - n**2, np.inf)
@@ -280,7 +280,7 @@ def seen(
 
     Args:
         params: The drive.
-        tension: Of the spans (n_t, n_p) [N]; None: not kept, as the next two.
+        tension: Tension of the spans (n_t, n_p) [N]; None: not kept, as the next two.
         flow: Stress-free length that passes in a second (n_t,) [m/s].
         deflection: Amplitudes of sine modes (n_t, n_p, K) [m].
     """

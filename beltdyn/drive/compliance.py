@@ -94,16 +94,16 @@ class Compliance:
 
     Attributes:
         tension: Tension of the belt at the ends of each wrap (n_p, 2) [N].
-        depth: How far it has sunk in there (n_p, 2) [m].
+        depth: Depth to which it has sunk in there (n_p, 2) [m].
         relative_depth: That over the pulley's radius (n_p, 2).
         radius: Radius on which it runs there (n_p, 2) [m]: that of the pulley less the depth, plus
             what a compensated contact begins further out.
-        tension_change: What sinking in does to the mean tension, axes fixed [N]; negative: less.
+        tension_change: Change of the mean tension by sinking in, axes fixed [N]; negative: less.
         relative_tension_change: That over the mean tension without it.
         ratio_change: Relative change of the speed ratio of each pulley to pulley 0, omega_k /
             omega_0, by the radii on which the belt arrives (n_p,).
-        creep_share: What the contact adds to the creep between two pulleys, as a share of what the
-            belt's stretch makes: EA / (c' R^2) of the pulley with the most, c' the stiffness of the
+        creep_share: Creep that the contact adds between two pulleys, as a share of that by the
+            belt's stretch: EA / (c' R^2) of the pulley with the most, c' the stiffness of the
             contact at the depth there.
     """
 
@@ -173,8 +173,8 @@ def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) ->
 
     Args:
         params: The drive.
-        radius: Of the pulley [m].
-        tension: Of the belt there [N].
+        radius: Radius of the pulley [m].
+        tension: Tension of the belt there [N].
         flow: Stress-free length that passes in a second [m/s].
     """
     belt, raised = params.belt, 0.0 * radius

@@ -174,7 +174,7 @@ class Friction(Printable):
         lost by both is less than their sum, as slip by elongation carries load, too.
 
         Args:
-            share: Of the full force, in [0, 1).
+            share: Share of the full force, in [0, 1).
 
         Returns:
             The velocity; 0 for laws that stick.

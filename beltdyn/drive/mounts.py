@@ -39,16 +39,16 @@ class MountKind(NamedTuple):
     What stands still in a picture is ``_drawn`` of the class: points (n, 2) by style, of a pulley.
 
     Attributes:
-        name: In the core, in TOML files and in reports.
-        part: What modes call it.
+        name: Name in the core, in TOML files and in reports.
+        part: Name in modes.
         angle: Whether its travel is one [rad] or a length [m]; None: the time.
         force: Unit of what acts on it in the sense of its travel.
         shown: Factor and unit in which travels are printed.
         sense: In which they count.
-        remark: What reports say of it.
+        remark: Remark in reports.
         guide: Field of the core's pair, along which it moves.
         free: Field of the travel at which its spring is unloaded.
-        spring: What reports call the force of its spring.
+        spring: Name of the force of its spring in reports.
     """
 
     name: str

@@ -30,7 +30,7 @@ class Route:
         senses: Sense in which the belt runs round each pulley, in the order of its numbering
             (n_p,): +1 counter-clockwise, -1 clockwise. A pulley whose rim goes with the belt at the
             speed v has the angular velocity ``sense v / radius``.
-        length: Of the whole line [m]. A belt is shorter by its strain.
+        length: Length of the whole line [m]. A belt is shorter by its strain.
         turns: Turns of the belt round its own loop: -1 clockwise, +1 counter-clockwise, 0 crossed.
         names: The names of the pulleys, "pulley 3" if it has none (n_p).
     """

@@ -144,7 +144,7 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
 
     Args:
         params: The drive.
-        shaking: By how much links that land raise the mean tension, as a share of it [1].
+        shaking: Relative rise of the mean tension by links that land [1].
         pull: Largest difference of the tensions on two sides of a pulley [N].
     """
     info = params.info
@@ -196,10 +196,10 @@ def shaking_seen(params: Drive, speed: float, across: float, time: float) -> flo
 
     Args:
         params: The drive.
-        speed: Of the belt [m/s].
+        speed: Speed of the belt [m/s].
         across: Square of the velocity across the links in the spans, a mean over time, the sum over
             the number of all links [m^2/s^2].
-        time: How long the belt has run [s].
+        time: Time that the belt has run [s].
     """
     belt, info = params.belt, params.info
     if params._belt_facts["flows"]:
@@ -289,7 +289,7 @@ def of_mesh(
         params: The drive.
         error: The error, of a run; None: that at rest.
         landing: The part of it that is of links that land.
-        speed: Of the belt, in a run [m/s].
+        speed: Speed of the belt, in a run [m/s].
     """
     rest, facts = mesh_error(params)["span_mean"], params._belt_facts
     when, error = (" at rest", rest) if error is None else ("", error)

@@ -100,7 +100,7 @@ class Answers:
     Attributes:
         values: By the names of ``ANSWERS``, of each span and each pulley, over the whole run and
             over each fifth of it (1 + 5, n_p) [N], [rad/s].
-        scales: What changes are divided by: the mean tension [N], the highest speed [rad/s].
+        scales: Scales of the changes: the mean tension [N], the highest speed [rad/s].
     """
 
     values: dict[str, Array]
@@ -113,16 +113,15 @@ class LeftOut:
 
     Attributes:
         name: The effect; of several their names.
-        how: What to change in the scene.
+        how: Change of the scene.
         change: By answer, the largest change of a span over the mean tension, or of a pulley over
             the highest speed, over the whole window [1]. Empty if the run failed.
         worst: The largest change of an answer over the window or a fifth of it [1].
-        growth: By how much changes are larger late in the window than early, 1 to 10 [1].
-        bound: What changes are said to stay below in runs of the kind [1]: four times ``worst``
-            times ``growth``, plus twice the runs' own error; infinite where there is something to
-            warn of.
-        error: What leaving it out makes of the run that is explained [1]: where the window is all
-            of that, ``worst`` plus twice the runs' own error, else ``bound``.
+        growth: Ratio of late to early changes in the window, 1 to 10 [1].
+        bound: Bound of the changes in runs of the kind [1]: four times ``worst`` times ``growth``,
+            plus twice the runs' own error; infinite where there is something to warn of.
+        error: Error of the run that is explained without it [1]: where the window is all of that,
+            ``worst`` plus twice the runs' own error, else ``bound``.
         cpu_time: CPU time of the run without it over that with all effects, less 1: -0.1 is a tenth
             faster [1].
         exercised: Whether it did anything in the window, beyond rounding.
@@ -158,7 +157,7 @@ class Ablation:
         own_error: Largest difference of an answer to a run with a tenth of the tolerance [1].
         seconds: CPU time of the run with all effects, without settling [s].
         runs: Number of runs.
-        rounds: How often each was made; of their CPU times the least counts.
+        rounds: Number of times each was made; the least CPU time counts.
         advice: Names of the effects that may be left out together at the error asked for.
         together: All of these left out in one run; None: there are none.
         sets: What may be left out together at the error asked for, at 2, 5 and 10 times it: the
@@ -251,7 +250,7 @@ def ablate(
 
     Args:
         scene: The scene.
-        runs: How these are made.
+        runs: Settings of the runs.
         error: The error asked for [1].
         time_left: CPU time that is left [s]. Without any, what has not been left out so far is
             not; while there is enough, runs are repeated for their times.

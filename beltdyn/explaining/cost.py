@@ -51,7 +51,7 @@ class Pass:
 
     Attributes:
         name: What it does.
-        calls: How often a step calls it.
+        calls: Number of calls in a step.
         seconds: Time of a call [s], the median of some rounds over all passes at a state of the
             run; called over and over, it finds its data in the cache.
     """

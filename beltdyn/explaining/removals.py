@@ -45,7 +45,7 @@ class Removal(NamedTuple):
 
     Attributes:
         name: Its name.
-        how: What to change in the scene.
+        how: Change of the scene.
         apply: Returns the scene without it.
     """
 

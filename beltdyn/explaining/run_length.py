@@ -83,7 +83,7 @@ def find_window(drive: Drive, allowance: float) -> Window:
     take too long; all of them together take about the allowance.
 
     Args:
-        drive: How the runs are made.
+        drive: Settings of the runs.
         allowance: CPU time of a run [s].
     """
     reached, spent, state = 0.0, 0.0, None

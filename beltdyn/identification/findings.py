@@ -86,7 +86,7 @@ class Identification:
         cost: The minimised sum, half the sum of squares (or of the loss).
         dof: Degrees of freedom of Student's t, infinite if every sigma was given.
         nfev: Points tried by the search, without those for derivatives.
-        failed: How many of these could not be simulated.
+        failed: Number of these that could not be simulated.
         runs: Total number of simulations.
         success: Whether the search converged.
         message: How it ended, in words.

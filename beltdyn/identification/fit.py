@@ -107,7 +107,7 @@ def identify(
         executor: In place of ``workers``, where runs are done: "processes", better for torques that
             are Python functions, any ``concurrent.futures.Executor`` or a Dask ``Client``, as in
             :func:`beltdyn.sweep`.
-        confidence: Of the intervals, between 0 and 1.
+        confidence: Confidence level of the intervals, between 0 and 1.
         limit: Factor, > 1: parameters whose standard deviation is a larger factor count as
             undetermined.
         jac: Derivatives by differences, "3-point" (central) or "2-point" (half the runs).

@@ -90,7 +90,7 @@ class PaperFigure:
 
     Attributes:
         number: Its number in the paper.
-        caption: What it shows.
+        caption: Its caption.
         panels: Functions that draw its panels, lettered (a), (b) if there are several.
         taller: Height of its panels over that of the size.
     """

@@ -217,7 +217,7 @@ def explore(
         population: Trials in each.
         spread: Standard deviation of the first generation, in units of the parameters'
             logarithms (of ``size`` for linear ones) times the uncertainty of each.
-        seed: Of the random numbers; the same seed gives the same trials.
+        seed: Seed of the random numbers; the same seed gives the same trials.
         free: What is searched.
         workers: Threads; None: one per processor.
 

@@ -379,7 +379,7 @@ def as_terms(
             double *torque, void *user)``; or a Python callable ``f(t, theta, omega)`` returning
             n_p values.
         pulleys: ``Params.pulley_names`` of the drive, n_p of them.
-        path: What messages call a torque object.
+        path: Name of a torque object in messages.
 
     Raises:
         TypeError: None of these, or a compiled function with another signature.

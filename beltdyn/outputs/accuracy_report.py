@@ -259,7 +259,7 @@ class Expected:
     """Errors of a run that pilot runs on other meshes have shown, for ``simulate(expected=...)``.
 
     Attributes:
-        quantity: What they are errors of, one of ``beltdyn.accuracy.QUANTITIES``.
+        quantity: Quantity whose errors they are, one of ``beltdyn.accuracy.QUANTITIES``.
         space: Error of the mesh [1]; NaN: the pilot ran on this mesh alone.
         time: Error in time [1].
     """
@@ -319,9 +319,9 @@ class Running:
     """Motion and load of the belt in a run, the same whatever outputs are kept.
 
     Attributes:
-        speed: Of the fastest rim, root mean square over the last part; the belt's but for creep
-            [m/s].
-        shaking: By how much links that land raise the mean tension then [1].
+        speed: Speed of the fastest rim, root mean square over the last part; the belt's but for
+            creep [m/s].
+        shaking: Relative rise of the mean tension by links that land then [1].
         shaking_over_time: The same over the whole run.
         pull: Largest difference of the mean tensions on two sides of a pulley, of its torque [N].
         power: Largest mean power of a torque [W].

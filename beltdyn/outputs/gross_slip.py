@@ -34,7 +34,7 @@ class GrossSlip:
             more than the travel in which its friction develops.
         slip_distance: Distance slipped meanwhile [m] (n_p,).
         carried: Mean friction meanwhile [N] (n_p,); single samples have what landing links add.
-        lost: What that dissipates [J] (n_p,).
+        lost: Energy dissipated by it [J] (n_p,).
     """
 
     slips: NDArray[np.bool_]

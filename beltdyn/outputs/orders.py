@@ -73,8 +73,8 @@ class Source:
         frequency: The fundamental [Hz]: the slope of its turns over time in the window, weighted
             with Hann's window as a spectrum is, which is where its line stands. Turns forth and
             back count against each other: of what only rocks it is 0.
-        spread: By how much the frequency changed in the window, as a share of its mean [1]; what
-            fluctuates within a tenth of the window is left out.
+        spread: Change of the frequency in the window, as a share of its mean [1]; what fluctuates
+            within a tenth of the window is left out.
         kept: Share of its height that the line of each harmonic keeps, the first one first: 1 at an
             even speed, less where the speed changes and smears it [1].
         known: Error of the frequency, as a share [1].
@@ -211,9 +211,10 @@ def lines_at(
     nor harmonics that the changes of speed in the window smear (:attr:`Source.sharp`).
 
     Args:
-        found: What repeats itself.
-        frequency: Of the line [Hz].
-        resolution: Of the spectrum: noise bandwidth of Hann's window, 1.5 over its length [Hz].
+        found: Periodic sources.
+        frequency: Frequency of the line [Hz].
+        resolution: Resolution of the spectrum: noise bandwidth of Hann's window, 1.5 over its
+            length [Hz].
         limit: Half the rate of sampling [Hz].
 
     Returns:

@@ -93,7 +93,7 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
 
     Args:
         params: The drive.
-        points: Of the links, in their order (n_t, n_b, 2) [m].
+        points: Points of the links, in their order (n_t, n_b, 2) [m].
         lines: The line at every sample, or one for all.
         centers: Axes then (n_t, n_p, 2), or (1, n_p, 2) [m].
     """
@@ -265,7 +265,7 @@ def follow(
 
     Args:
         params: The drive.
-        force: Of the cells (n_t, n_b) [N].
+        force: Force of the cells (n_t, n_b) [N].
         passed: Stress-free length that has passed (n_t,) [m].
         cell: The cell.
         at: The sample.
@@ -290,7 +290,7 @@ def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
     Args:
         params: The drive.
         belt: ``flow`` of an ALE belt, else ``phi``, ``vx``, ``vy``.
-        force: Of the joints (n_t, n_b) [N].
+        force: Force of the joints (n_t, n_b) [N].
     """
     if params._belt_facts["flows"]:
         return belt.flow
@@ -309,9 +309,9 @@ def momentum_flux(
     Args:
         params: The drive.
         flow: Stress-free length that passes in a second (n_t,) [m/s].
-        force: Of the joints (n_t, n_b) [N].
+        force: Force of the joints (n_t, n_b) [N].
         spans: Tensions of the spans (n_t, n_p) [N]; NaN: the mean of all joints is taken.
-        travel: Of the mounts (n_t, n_m), None: of a drive without.
+        travel: Travels of the mounts (n_t, n_m), None: of a drive without.
     """
     stiffness = params.belt.axial_stiffness
     tension = np.where(np.isnan(spans), force.mean(axis=1)[:, None], spans)

@@ -81,7 +81,7 @@ def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[
     """Check the speeds of pulleys that a belt runs with; return them and the speed of their rims.
 
     Args:
-        name: What the messages call them.
+        name: Their name in messages.
         params: The drive.
         omega: Speeds of one or several pulleys, by index or name [rad/s].
 

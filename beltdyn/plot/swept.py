@@ -173,7 +173,7 @@ class Scale:
     """Values along an axis, in rising order.
 
     Attributes:
-        name: Of the coordinate.
+        name: Name of the coordinate.
         label: What stands at the axis.
         values: Places (n,); of texts their numbers.
         order: Indices that bring the coordinate into this order (n,).

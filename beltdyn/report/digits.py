@@ -107,7 +107,7 @@ def placed(
     Args:
         value: The quantity.
         share: The error over the size [1]; None: not known.
-        scale: What all of it is multiplied with.
+        scale: Factor of all of it.
         ends: Least and most, if others than its own.
         size: What errs by that share, in the unit of the value; None: the largest of the three.
     """
@@ -290,7 +290,7 @@ def loss(report: ReportData, power: float, value: float | None = None) -> str:
 
     Args:
         report: The report.
-        power: What is lost [W].
+        power: The loss [W].
         value: Number to print instead, a share of the input power.
     """
     put_in = sum(one.power for one in report.powers if one.kind == "in")

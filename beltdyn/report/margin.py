@@ -49,8 +49,8 @@ class Steady:
 
     Attributes:
         params: The drive.
-        tension: Of the span after each pulley (n_p,) [N].
-        torque: Of the belt on each pulley, counter-clockwise (n_p,) [N m].
+        tension: Tension of the span after each pulley (n_p,) [N].
+        torque: Torque of the belt on each pulley, counter-clockwise (n_p,) [N m].
         speed: Stress-free length that passes in a second, in the order of the links [m/s].
         driver: The pulley whose speed is held.
         travel: Mean travels of the mounts (n_m,) [rad, m, s].

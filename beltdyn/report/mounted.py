@@ -34,7 +34,7 @@ def mount_rows(
 
     Args:
         window: The part of the run.
-        statics: What the belt pulls at each pulley (n_w, n_p, 2) [N], if known.
+        statics: Force of the belt on each pulley (n_w, n_p, 2) [N], if known.
         passing: The time in which a link passes [s], over which its pull is averaged.
     """
     params, run = window.params, window.run

@@ -44,7 +44,7 @@ class Report(ReportData):
     Attributes:
         begin: First sample of the window [s].
         end: Last one [s].
-        samples: How many.
+        samples: Number of samples.
         driver: Name of the pulley that drives the belt; None if the belt stands still.
         belt_speed: Mean speed of the belt in the order of its links, along itself [m/s].
         belt_speeds: The same with its range, without the ripple of passing links [m/s].
@@ -56,7 +56,7 @@ class Report(ReportData):
         spans: A row for each free span; none with one pulley.
         mounts: A row for each arm, slider and path.
         creep: A row for each pulley but the driving one.
-        powers: Where power comes from and goes to; what is put in is the sum of all others.
+        powers: Power balance; the input power is the sum of all others.
         efficiency: Share of the input power that is not lost [1].
         efficiency_error: Its error, or where it is None that of what is lost over what is put in
             [1]: that of the powers if the run was verified; else what the mesh adds to the losses,
@@ -74,8 +74,8 @@ class Report(ReportData):
         rounds: Rounds that the belt makes from then on.
         unsteady: What is not steady in the window, and by how much; empty: it is steady.
         notes: What could not be determined, and why.
-        accuracy: What is known of the errors of the run, ``result.accuracy``.
-        warnings: What the run warned of, ``result.warnings``.
+        accuracy: Errors of the run as far as they are known, ``result.accuracy``.
+        warnings: Warnings of the run, ``result.warnings``.
     """
 
     def __str__(self) -> str:

@@ -218,7 +218,7 @@ class Creep:
             pulleys. Negative where friction already acts while the belt is sinking in, further out.
         radius: Part due to running radii: the belt sinks into pulleys, deeper where it is tighter
             and, over the radius, into smaller ones.
-        remainder: What is left of ``lost``: unsteady motion, sampling.
+        remainder: Rest of ``lost``: unsteady motion, sampling.
     """
 
     name: str

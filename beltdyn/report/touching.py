@@ -57,7 +57,7 @@ class Touching:
         speed: Stress-free length of belt that passes in a second, in the order of the links, mean
             of the window [m/s].
         speeds: The same at the samples (n_w,) [m/s].
-        torques: Of the belt on the pulleys, counter-clockwise (n_w, n_p) [N m].
+        torques: Torques of the belt on the pulleys, counter-clockwise (n_w, n_p) [N m].
         gross: Where pulleys slip over their whole wrap; None: nowhere.
     """
 

@@ -104,7 +104,7 @@ class Window:
     Attributes:
         run: The run.
         rows: Its samples.
-        weights: Of the trapezoidal rule over the times of these samples, of sum 1 (n_w,).
+        weights: Weights of the trapezoidal rule over the times of these samples, of sum 1 (n_w,).
     """
 
     run: Run

@@ -99,7 +99,7 @@ class Result:
             Reading another is an AttributeError that names it.
         unchecked: Codes of warnings that were not looked for, because the outputs in which they
             show were not asked for.
-        accuracy: What is known of its accuracy, by quantity; most of it with ``verify=True`` only.
+        accuracy: Its accuracy by quantity, most of it with ``verify=True`` only.
     """
 
     t: Array

@@ -60,7 +60,7 @@ class Start:
             None where the file could not hold them, because they are functions.
         initial: The state it began from.
         t_eval: Sample times (n_t,) [s].
-        outputs: What is kept, as :func:`beltdyn.outputs.selection.chosen` gives it.
+        outputs: What is kept, as :func:`beltdyn.outputs.selection.chosen` returns it.
         options: The others of :func:`beltdyn.simulate`, by name, checked.
         settle_time: Wall time of settling before it [s].
         kernels: Instruction level of the core.

@@ -38,11 +38,11 @@ class Line:
     x1 - crank x2". By another distance they are not, which any line has to a multiple of something.
 
     Attributes:
-        frequency: Where it is [Hz].
+        frequency: Its frequency [Hz].
         amplitude: Its height, in the unit of the signal.
-        names: What has a harmonic there, such as "link passing x1" or "crank x2"; several if the
-            window is too short to tell them apart, none if nothing has; "may be link passing x1" if
-            it is too short to tell that from other lines.
+        names: Sources with a harmonic there, such as "link passing x1" or "crank x2"; several if
+            the window is too short to tell them apart, none if nothing has; "may be link passing
+            x1" if it is too short to tell that from other lines.
     """
 
     frequency: float
@@ -60,8 +60,8 @@ class Spectrum:
     """The amplitude spectrum of an output, and what may have made its lines.
 
     Attributes:
-        label: What it is of, such as "tension of span crank to compressor".
-        unit: Of the amplitudes.
+        label: Name of the output, such as "tension of span crank to compressor".
+        unit: Unit of the amplitudes.
         frequency: (n_f,) [Hz].
         amplitude: (n_f,); a sine of amplitude A shows A.
         resolution: Lines closer than this merge [Hz].
@@ -208,7 +208,7 @@ class Spectrogram:
     Attributes:
         label, unit: Of the output.
         t: Middle times of the slices (n_s,) [s].
-        speed: Of the pulley, absolute, a mean over each slice (n_s,) [rad/s].
+        speed: Speed of the pulley, absolute, a mean over each slice (n_s,) [rad/s].
         frequency: (n_f,) [Hz].
         amplitude: (n_s, n_f).
         resolution: Lines closer than this merge [Hz].

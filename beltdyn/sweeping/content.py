@@ -40,10 +40,10 @@ class Contents:
     """The keys of the runs of a sweep.
 
     Args:
-        scene: What all runs have in common.
-        options: Of simulate, the same.
-        names: What differs.
-        measured: Of the measured quantities, a text.
+        scene: The scene, common to all runs.
+        options: Options of ``simulate``, common to all runs.
+        names: Names of the values that differ.
+        measured: Text of the measured quantities.
         version: The user's own, for what no key can see.
 
     Raises:

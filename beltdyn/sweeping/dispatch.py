@@ -32,7 +32,7 @@ class Dispatch:
 
     Args:
         pool: The workers.
-        job: What the runs have in common.
+        job: Data common to all runs.
         rows: The values of each run.
         order: The runs to do, in this order.
         after: The run from whose end each starts, -1: none.

@@ -29,8 +29,8 @@ class Design(NamedTuple):
     """Data of the design of a sweep for its analysis.
 
     Attributes:
-        names: Of the parameters (k,).
-        groups: How many groups of runs, or runs, there are.
+        names: Names of the parameters (k,).
+        groups: Number of groups of runs, or of runs.
         size: Runs of a group: k + 2 or 2 k + 2, of samples without groups 1.
         second_order: Whether groups serve second indices.
     """

@@ -32,7 +32,7 @@ class Axis(NamedTuple):
         name: Such as "pulley" or "time".
         labels: Names or numbers along it; empty: they are only counted.
         size: How many.
-        units: Of numbers.
+        units: Unit of numbers.
         text: What it is.
     """
 
@@ -96,7 +96,7 @@ class Outcome:
         status: One of :data:`STATUSES`.
         message: Why it did not finish, in one line; "".
         warnings: Warnings of the run, one in a line.
-        layout: Of the row; :data:`NOTHING` unless it finished.
+        layout: Layout of the row; :data:`NOTHING` unless it finished.
         numbers: The row.
         words: Its texts.
         kernels: Level of the kernels that computed it.

@@ -24,7 +24,7 @@ class Points:
     """All runs of a sweep.
 
     Attributes:
-        names: What is swept.
+        names: Swept names.
         axes: Of a grid, the values of each name; empty for any other.
         rows: The values of each run, in the order of the names.
         design: How they were chosen, in plain words and numbers.

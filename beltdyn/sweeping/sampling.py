@@ -28,7 +28,7 @@ class Samples:
     """Values of some parameters for many runs; ``bd.sweep`` takes it as ``over``.
 
     Attributes:
-        names: Of the parameters (k,).
+        names: Names of the parameters (k,).
         values: A row for each run (n, k), constant, in the units of the parameters.
         design: How they were made, plain values that JSON can hold: "method"; "n", the number
             asked for; "seed"; "second_order"; "names"; "distributions", texts by name.

@@ -153,7 +153,7 @@ def sensitivity(
         dataset: The result of ``bd.sweep`` over ``bd.sample``, or a part of its runs.
         quantity: Name of a variable of numbers; None: the only one there is. Each entry of its own
             dimensions, such as "pulley", has its own indices.
-        confidence: Of the intervals, between 0 and 1.
+        confidence: Confidence level of the intervals, between 0 and 1.
         resamples: Resampled sets that the intervals are estimated by.
         seed: Integer >= 0 that these follow from.
 

@@ -44,8 +44,8 @@ class Job:
     Attributes:
         scene: The scene before anything is changed.
         options: Arguments of simulate.
-        names: What is changed.
-        measure: What is measured.
+        names: Swept names.
+        measure: Measured quantities.
         chained: Whether runs may start from the end of others, so that final states are kept.
     """
 
@@ -60,7 +60,7 @@ class Batch(NamedTuple):
     """What a worker gives back.
 
     Attributes:
-        outcomes: Of its runs, in their order; fewer if it was interrupted.
+        outcomes: Outcomes of its runs, in their order; fewer if it was interrupted.
         seconds: Wall time of each of them [s].
         settled: States it settled, which later runs may share.
         interrupted: Whether it was.
@@ -128,7 +128,7 @@ class Work:
         """Do a run.
 
         Args:
-            values: Of what is changed.
+            values: Values of the swept names.
             before: Final state, as numbers, of the run whose end this one starts from.
 
         Raises:

@@ -30,13 +30,13 @@ class Shapes:
     The largest displacement of the belt, of a rim or of an axis is 1 m, and real.
 
     Attributes:
-        x: Of the links (n, n_b) [m].
+        x: Displacements of the links in x (n, n_b) [m].
         y: The same.
         phi: Turning of the links (n, n_b) [rad]; 0 of a string, none (n, 0) of an ALE belt.
         theta: Turning of the pulleys (n, n_p) [rad].
         travel: Travels of the mounts (n, n_m) [rad or m].
-        deflection: Of the sine modes of an ALE belt's spans (n, n_p, K) [m], K = 0 of links; x and
-            y are then those of the belt where its cells begin.
+        deflection: Amplitudes of the sine modes of an ALE belt's spans (n, n_p, K) [m], K = 0 for
+            links; x and y are then those of the belt where its cells begin.
     """
 
     x: Complex
@@ -56,15 +56,15 @@ class Modes:
         damping: Damping ratios (n,) [1]: 1 is critical; below 0 the mode grows.
         eigenvalue: lambda (n,) [1/s], complex.
         shapes: Mode shapes, see :class:`Shapes`.
-        names: What moves most in each mode (n,), such as "span crank-alternator, 1st lateral".
+        names: Part that moves most in each mode (n,), such as "span crank-alternator, 1st lateral".
         participation: Shares of the kinetic energy, see :class:`Participation`.
         residual: |J x - lambda x| / |lambda x| (n,), the residual of the eigenvalue problem.
         grows: Eigenvalues (m,) [1/s] with a real part > 0 of motions that grow without oscillating,
             or too fast to count as oscillations; none for a stable drive.
-        grow_names: What moves most in these.
+        grow_names: Parts that move most in these.
         decay: Rates of motions of pulleys and mounts that decay without oscillating, more slowly
             than the spans' lowest frequency (m,) [1/s].
-        decay_names: What moves most in these.
+        decay_names: Parts that move most in these.
         turning: Eigenvalue of the drive turning as a whole, the belt along itself and the rims with
             it, which is not among the modes [1/s]: it would be 0 but for the resistance of the
             polygon of links; None if it was not found, a pulley is prescribed, or torques give it a

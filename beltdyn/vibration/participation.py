@@ -45,10 +45,10 @@ class Participation:
     """Shares of the kinetic energy in modes, each row with the sum 1.
 
     Attributes:
-        spans: Of the belt across its free span after each pulley (n, n_p).
-        pulleys: Of the rotation of each pulley (n, n_p).
-        mounts: Of each mount (n, n_m): the arm or the carriage with the pulley on it.
-        belt: Of the belt otherwise (n,): along itself, and on the pulleys.
+        spans: Share of the belt across its free span after each pulley (n, n_p).
+        pulleys: Share of the rotation of each pulley (n, n_p).
+        mounts: Share of each mount (n, n_m): the arm or the carriage with the pulley on it.
+        belt: Share of the belt otherwise (n,): along itself, and on the pulleys.
     """
 
     spans: Array
