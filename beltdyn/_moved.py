@@ -23,7 +23,7 @@ _KEPT_NAMES = {
     ),
     "run": "checkpoints memory observed progress resuming settling simulation start_of_run",
     "result": "errors exported labelled saved",
-    "loads": "escaped motions torques",
+    "loads": "motions torques",
     "scenes": "machines published",
     "many": "pools",
 }
@@ -42,6 +42,7 @@ MOVED = {
     "cli.figures": "cli.figures_command",
     "cli.resuming": "cli.resume_command",
     "cli.sweeping": "cli.sweep_command",
+    "escaped": "loads.callback_errors",
     "explaining.text": "explaining.explanation_text",
     "explaining.window": "explaining.run_length",
     "hard": "scenes.hard_scenes",

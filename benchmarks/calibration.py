@@ -35,7 +35,7 @@ from beltdyn.base.run_warnings import silenced
 BAND = (0.1, 3.0)
 ASKED = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 LOOSEST = 1e-1
-LEAST = {"lbdf2": 1e-5}  # the tightest tolerance of a method that gets dear
+LEAST = {"lbdf2": 1e-5}  # the tightest tolerance of a method that gets slow
 LEAST_QUICK = {"lbdf2": 1e-4}
 METHODS = ("tsit5", "rodas4", "lbdf2", "auto")
 STABILITY = 1.3

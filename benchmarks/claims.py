@@ -87,8 +87,8 @@ def study(seeds: Iterable[int], path: Path, short: bool, varied: bool) -> dict[i
                 share = float(np.random.default_rng([seed, 79]).choice(SHARES))
             kind = "varied" if varied else "any" if seed % CALM_EVERY else "calm"
             radians = share * judged.random_drives.RADIANS
-            dear = 30_000 if short else judged.REFERENCE_STEPS
-            record = judged.judge(seed, kind, dear, radians, many=varied)
+            max_steps = 30_000 if short else judged.MAX_REFERENCE_STEPS
+            record = judged.judge(seed, kind, max_steps, radians, many=varied)
             record["cpu"] = time.process_time() - begun
             line = json.dumps(record, default=plain)
             records[seed] = json.loads(line)

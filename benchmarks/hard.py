@@ -129,8 +129,10 @@ def study(
                 continue
             common.progress(f"{name}, {belt}")
             is_own = belt == own[name]
-            dear = hard_outcome.DEAR * min(1.0, REFERENCE_LINKS / scene.params.belt.n_bodies)
-            judge = Judge(scene, math.ceil(dear), theory=is_own)
+            max_steps = hard_outcome.MAX_REFERENCE_STEPS * min(
+                1.0, REFERENCE_LINKS / scene.params.belt.n_bodies
+            )
+            judge = Judge(scene, math.ceil(max_steps), theory=is_own)
             for method in todo:
                 outcome = run(judge, method, LIMIT if method == "auto" else LIMIT_OTHERS)
                 record = {"scene": name, "family": scene.family, "belt": belt, "own": is_own}

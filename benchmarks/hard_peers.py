@@ -37,7 +37,7 @@ Record = dict[str, Any]
 TOLERANCE, GOOD = 1e-3, 1e-2
 LEAST, MOST, TIMES = 2.0, 30.0, 100.0
 #: Steps of a reference at most.
-DEAR = 1_000_000
+MAX_REFERENCE_STEPS = 1_000_000
 #: A matrix of seven variables of each, squared, is 0.4 GB.
 MOST_LINKS = 1000
 OURS = "beltdyn auto"
@@ -144,7 +144,7 @@ def runs(name: str, done: Iterable[str]) -> Iterable[Record]:
 
 def reference(scene: HardScene, begin: bd.State, times: np.ndarray) -> judged.Reference | None:
     """One that is sure of itself, or that an unrelated one agrees with far better than is asked."""
-    given = (scene.params, scene.torque_fn, scene.t_end, begin, times, "auto", DEAR)
+    given = (scene.params, scene.torque_fn, scene.t_end, begin, times, "auto", MAX_REFERENCE_STEPS)
     found: list[judged.Reference] = []
     for one in judged.references(*given, motion=scene.motion):
         if one.sure or any(one.error(other.force) < 0.01 * GOOD for other in found):

@@ -39,8 +39,8 @@ MOST_CLAIMED = 0.1
 ROUNDING = 1e-9
 #: Share of the energy transmitted that the ledger may be off without, and with, a warning.
 BALANCE, BALANCE_WARNED = 0.02, 0.5
-#: Steps of a reference at most; one of more is dear.
-DEAR = 40_000
+#: Largest number of steps of a reference.
+MAX_REFERENCE_STEPS = 40_000
 
 
 class Hard(Protocol):
@@ -192,9 +192,11 @@ def ended(call: Callable[[], bd.Result], options: dict[str, Any], expects: str |
 class Judge:
     """Runs a scene by several methods, each judged by the same references."""
 
-    def __init__(self, scene: Hard, dear: int = DEAR, *, theory: bool = True) -> None:
+    def __init__(
+        self, scene: Hard, max_steps: int = MAX_REFERENCE_STEPS, *, theory: bool = True
+    ) -> None:
         """theory: whether to ask it; of another belt, as the paper's mesh, it may not be true."""
-        self.scene, self.dear, self.theory = scene, dear, theory
+        self.scene, self.max_steps, self.theory = scene, max_steps, theory
         self._known: list[judged.Reference] = []
         self._more: Any = None
 
@@ -235,8 +237,8 @@ class Judge:
         scene = self.scene
         if self._more is None:
             self._more = judged.references(
-                scene.params, scene.torque_fn, scene.t_end, scene.initial(), t, "auto", self.dear,
-                motion=scene.motion,
+                scene.params, scene.torque_fn, scene.t_end, scene.initial(), t, "auto",
+                self.max_steps, motion=scene.motion,
             )  # fmt: skip
         while len(self._known) < enough:
             found = next(self._more, None)

@@ -32,8 +32,8 @@ FIXED = ("lbdf2", "lie", "rk4")
 IN_TIME = {"balance", "growth", "chatter", "undamped", "torque", "rough_torque", "slack_span"}
 IN_TIME |= {"fallback", "fixed_step", "no_contact"}
 SAMPLES = 60
-#: A reference of more steps, or a run of more, is dear: seconds.
-REFERENCE_STEPS = 400_000
+#: Largest number of steps of a reference: some seconds.
+MAX_REFERENCE_STEPS = 400_000
 #: A hundredth of the tightest tolerance asked.
 REFERENCE_RTOL = 1e-7
 
@@ -164,7 +164,7 @@ def references(
     begin: bd.State | None,
     times: Array,
     used: str,
-    dear: int = REFERENCE_STEPS,
+    max_steps: int = MAX_REFERENCE_STEPS,
     tight: float = REFERENCE_RTOL,
     motion: Any = None,
 ) -> Iterator[Reference]:
@@ -177,7 +177,7 @@ def references(
     _, decay = rates(params)
     explicit = ("tsit5", tight)
     implicit = [("rodas4", tight), ("lbdf2", 10.0 * tight)]
-    affordable = decay * t_end / 3.0 < dear
+    affordable = decay * t_end / 3.0 < max_steps
     if used == "tsit5":
         order = [implicit[0], ("tsit5", 0.1 * tight), implicit[1]]
     elif affordable:
@@ -190,7 +190,7 @@ def references(
         try:
             result = quiet(
                 params, torque, t_end, motion, t_eval=times, initial=begin, method=method,
-                rtol=rtol, max_steps=dear, max_step=t_end / 200.0, ledger=False,
+                rtol=rtol, max_steps=max_steps, max_step=t_end / 200.0, ledger=False,
             )  # fmt: skip
         except bd.SimulationError:
             continue
@@ -201,17 +201,17 @@ def references(
 def judge(
     seed: int,
     kind: str = "any",
-    dear: int = REFERENCE_STEPS,
+    max_steps: int = MAX_REFERENCE_STEPS,
     radians: float = random_drives.RADIANS,
     *,
     many: bool = False,
 ) -> dict[str, Any]:
     """Run the drive of a seed and say what it claimed, what it said, and what was true.
 
-    The record's ``outcome``: "settle" (failed by name while settling), "failed" (by name), "dear"
-    (no reference of at most so many steps), "doubtful" (off its claim, but not by three floors) or
-    "known". "over" tells a run that went beyond its
-    budget of steps, "off_drawing" the pulleys that the belt does not lie on as drawn.
+    The record's ``outcome``: "settle" (failed by name while settling), "failed" (by name),
+    "no_reference" (none of at most so many steps), "doubtful" (off its claim, but not by three
+    floors) or "known". "over": it went beyond its budget of steps; "off_drawing": the pulleys
+    that the belt does not lie on as drawn.
 
     ``many`` judges at less cost: a run that warns of its accuracy in time has the outcome "warned",
     and the tolerance of the first reference is a hundredth of the claim, which is enough where the
@@ -255,7 +255,7 @@ def judge(
     }
     if many and record["accuracy"]:
         return record | {"outcome": "warned"}
-    given = (params, torque, t_end, begin, times, result.stats.method, dear)
+    given = (params, torque, t_end, begin, times, result.stats.method, max_steps)
     if many and claim is not None and 0.01 * claim > REFERENCE_RTOL:
         loose = next(references(*given, min(0.01 * claim, 1e-5)), None)
         if loose is not None and (error := loose.error(result.joints.force)) <= claim:
@@ -267,7 +267,7 @@ def judge(
         if one.sure:
             break
     if not seen:
-        return record | {"outcome": "dear"}
+        return record | {"outcome": "no_reference"}
     first = seen[-1] if seen[-1].sure else seen[0]
     error = first.error(result.joints.force)
     kept = error <= (claim if claim is not None else 0.01)

@@ -79,7 +79,7 @@ class Table:
         rest = dict.fromkeys(("span_mean", "creep", "friction", "power"), np.zeros(2))
         scales = dict.fromkeys(QUANTITIES, 1.0)
         seen = Observed(t=T, tension=both, speed=0.0 * both, scales=scales, **rest)
-        return Done(cpu=self.cost(one), steps=100, seen=seen, told=self.told(one))
+        return Done(cpu=self.cost(one), steps=100, seen=seen, accuracy=self.told(one))
 
     def brute(self, error: float) -> float:
         """Cost of the cheapest setting of the ladder, each on the coarsest mesh that does."""

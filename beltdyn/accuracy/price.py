@@ -1,4 +1,4 @@
-"""What accuracy costs: figures of a study."""
+"""Figures of a study: what accuracy costs."""
 
 from __future__ import annotations
 
@@ -46,11 +46,11 @@ _MARKERS = "osD^v<>p"
 def price(
     study: Priced, quantity: str = "tension", *, error: float = 1e-2, fig: Figure | None = None
 ) -> Figure:
-    """Draw a study: what an error and what a mesh cost, and how errors in space and time compare.
+    """Draw a study: cost of errors and of meshes, and errors in space and time compared.
 
     Args:
         study: From ``bd.accuracy.study``.
-        quantity: What the errors are of.
+        quantity: Quantity whose errors are shown.
         error: The error for which the cheapest run is marked.
         fig: Figure to draw into; None: a new one.
 

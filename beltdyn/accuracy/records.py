@@ -1,4 +1,4 @@
-"""A file of JSON lines that keeps what was measured, so that it is not measured again."""
+"""A file of JSON lines that keeps measurements, so that they are not repeated."""
 
 from __future__ import annotations
 

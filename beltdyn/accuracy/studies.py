@@ -67,18 +67,18 @@ def study(
     store: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> Study:
-    """Measure what each setting of a run costs and how far off it is.
+    """Measure cost and errors of each setting of a run.
 
     Runs the scene with each method, tolerance and number of links or cells. The error in time is
     the difference to a run on the same mesh at a tight tolerance by a method of another family; the
-    error in space that of such a run to one on the finest mesh; the error in all that of the run
+    error in space that of such a run to one on the finest mesh; the total error that of the run
     itself to the one on the finest mesh. Each reference is computed twice, by unrelated methods;
     their difference is the floor, below which no error is known.
 
     Args:
         scene: The scene, as in :mod:`beltdyn.scenes`; of its mesh only the number of links changes.
         methods: Methods to compare; None: "auto", "tsit5", "rodas4" and "lbdf2", of an ALE belt
-            those that are implicit, as explicit steps are hundreds of times as dear there.
+            those that are implicit, as explicit steps cost hundreds of times as much there.
         rtols: Tolerances to compare.
         n_bodies: Numbers of links to compare; None: a quarter to four times those of the scene.
         finest: Number of links of the reference in space; None: twice the most of ``n_bodies``.
@@ -120,11 +120,11 @@ def study(
 
 
 def quick(scene: Scene) -> tuple[Scene, dict[str, Any]]:
-    """Return a scene and keywords for a :func:`study` that is short: an impression, no more.
+    """Return a scene and keywords for a short :func:`study`: a first impression.
 
     Half the links of the scene and, unless that takes long, all of them, tolerances from 0.1 to
     0.001, and of a run that takes long the beginning, so that all takes some 15 s of CPU time. One
-    run tells what runs cost.
+    run measures what runs cost.
 
     Raises:
         TypeError, ValueError: It is no scene that can be run.

@@ -1,4 +1,4 @@
-"""A row of a study: a setting, what it costs and how far off it is."""
+"""A row of a study: a setting, its cost and its errors."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def quantity_of(name: object) -> str:
 
 @attrs.frozen(kw_only=True)
 class Row:
-    """A setting, what it costs and how far off it is. Errors are by quantity, relative [1].
+    """A setting, its cost and its errors, by quantity and relative [1].
 
     Attributes:
         setting: Number of links, method, tolerance.
         seconds: CPU time, without settling, the least of ``repeats`` [s]; NaN if the run failed.
-        repeats: How often it was run.
+        repeats: Number of runs.
         steps: Steps, rejected ones included.
-        error: Difference to the reference on the finest mesh: the error in all.
+        error: Difference to the reference on the finest mesh: the total error.
         time: Difference to the reference on the same mesh: the error in time.
         failure: Why the run failed, or "".
     """

@@ -1,4 +1,4 @@
-"""What a study has found: a table of runs, their errors and costs."""
+"""Result of a study: a table of runs, their errors and costs."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ class Study:
     Attributes:
         rows: All runs, by mesh, method and tolerance.
         space: By ``n_bodies``, the error in space: of the mesh's own reference.
-        time_floor: By ``n_bodies``, how far the two references on the mesh differ.
-        space_floor: How far the two references on the finest mesh differ or, if more, what is
-            estimated to be left of the error in space there.
+        time_floor: By ``n_bodies``, the difference of the two references on the mesh.
+        space_floor: Difference of the two references on the finest mesh or, if larger, the
+            estimated error in space there.
         finest: ``n_bodies`` of the reference in space.
         references: How the references were computed, a line for each mesh.
         mesh: How the belt meets the pulleys, ``Belt.mesh``.
-        nodes: What ``n_bodies`` is the number of: "links", "masses" or "cells".
-        n_bodies: How many the scene itself has.
+        nodes: What ``n_bodies`` counts: "links", "masses" or "cells".
+        n_bodies: Number in the scene itself.
     """
 
     rows: tuple[Row, ...]
@@ -62,10 +62,10 @@ class Study:
         return (row for row in self.rows if not row.failure)
 
     def believed(self, row: Row, quantity: str) -> float:
-        """Return the error of a run that can be relied on.
+        """Return a reliable bound of the error of a run.
 
-        The largest of its errors in all, in space and in time and of the floor: where the first is
-        smaller than one of its parts, they cancel each other by chance.
+        The largest of its total error, its errors in space and in time and the floor: where the
+        total is smaller than one of its parts, they cancel each other by chance.
         """
         errors = (row.error, self.space[row.setting.n_bodies], row.time, self.space_floor)
         return max(error[quantity] for error in errors)
@@ -74,8 +74,8 @@ class Study:
         """Return the run that reaches an error for the least CPU time, None if there is none.
 
         Args:
-            error: The largest error in all [1].
-            quantity: What it is the error of.
+            error: The largest total error [1].
+            quantity: Quantity whose error it is.
 
         Raises:
             TypeError, ValueError: An argument breaks its rule.
@@ -85,10 +85,7 @@ class Study:
         return min(good, key=lambda row: row.seconds, default=None)
 
     def front(self, quantity: str = "tension", method: str | None = None) -> list[Row]:
-        """Return the runs, of all or one method, that no cheaper one is as accurate as.
-
-        From cheap to costly.
-        """
+        """Return the Pareto front of cost and error, of all runs or one method, cheapest first."""
         quantity = quantity_of(quantity)
         best, kept = math.inf, []
         rows = (row for row in self.done() if method in (None, row.setting.method))
@@ -162,7 +159,7 @@ class Study:
         """Return all runs as comma-separated values, also written to ``path``.
 
         A line for each run: its setting, CPU seconds, repeats, steps, and of each quantity the
-        errors in all, in space, in time and the two floors.
+        total errors, those in space and in time, and the two floors.
 
         Raises:
             OSError: The file cannot be written; a file that was there before is unchanged.
@@ -190,7 +187,7 @@ class Study:
         """Draw cost against error by method, against links, and the errors of the cheapest runs.
 
         Args:
-            quantity: What the errors are of.
+            quantity: Quantity whose errors are shown.
             error: The error for which the cheapest setting is marked.
 
         Raises:

@@ -25,7 +25,7 @@ from .study_rows import quantity_of
 __all__ = ["Suggestion", "suggest"]
 
 #: CPU time of a run of links [s] from which on an ALE belt is tried.
-DEAR = 0.5
+MIN_CPU_TIME = 0.5
 
 
 @attrs.frozen(kw_only=True, repr=False)
@@ -41,17 +41,17 @@ class Suggestion:
         rtol: Its tolerance.
         seconds: CPU time of the run, without settling [s].
         asked: The error asked for [1].
-        quantity: What it is the error of, one of ``bd.accuracy.QUANTITIES``.
+        quantity: Quantity whose error it is, one of ``bd.accuracy.QUANTITIES``.
         error: The error expected [1], the sum of the next two.
         error_space: That of the mesh [1].
         error_time: That of the integration in time [1].
-        error_contact: What contact that yields changes against rigid pulleys [1], the same with any
-            setting and not in ``error``; ``params.compliance`` tells more.
+        error_contact: Effect of the compliance of the contact, against rigid pulleys [1]: the same
+            with any setting and not part of ``error``; see ``params.compliance``.
         met: Whether ``error`` is within ``asked``; if not, this is the most accurate setting known.
         pilot_seconds: CPU time of the runs from which this is known, with settling [s].
         pilot_runs: Number of these runs.
         ale: CPU time of a run of the same scene with an ALE belt [s], and how far it is from the
-            pilot run on the finest mesh [1]; None: there is none, or links are not much dearer.
+            pilot run on the finest mesh [1]; None: there is none, or links do not take much longer.
     """
 
     scene: Scene
@@ -83,8 +83,8 @@ class Suggestion:
     def options(self) -> dict[str, Any]:
         """Keywords for :func:`beltdyn.simulate`: ``method``, ``rtol`` and ``expected``.
 
-        With the last ``result.accuracy`` has the errors expected here. Of other drives, as in a
-        sweep, they are not: ``setting.options`` is without.
+        ``expected`` puts the errors expected here into ``result.accuracy``. They do not hold for
+        other drives, as in a sweep: use ``setting.options`` there.
         """
         expected = Expected(quantity=self.quantity, space=self.error_space, time=self.error_time)
         return {**self.setting.options, "expected": expected}
@@ -140,15 +140,15 @@ def suggest(
     happens late in it may cost the most, so together they take several times as long as the run
     that is suggested, which pays off where more runs of the kind follow. The error is relative to
     the scales of :class:`beltdyn.accuracy.Observed`. A mesh whose error jumps with the number of
-    links may be further off than its neighbours tell. Where histories depend on every detail, such
-    as the creep of a drive whose links chatter, small errors cannot be had at any price;
-    :attr:`Suggestion.met` is then False. Where links are dear the scene is run with an ALE belt as
-    well, which is told if it takes a tenth (:attr:`Suggestion.ale`).
+    links may be further off than its neighbours suggest. Where histories depend on every detail,
+    such as the creep of a drive whose links chatter, small errors cannot be had at any price;
+    :attr:`Suggestion.met` is then False. Where links take long the scene is also run with an ALE
+    belt, which is reported if it takes a tenth of the time (:attr:`Suggestion.ale`).
 
     Args:
         scene: The scene, as in :mod:`beltdyn.scenes`; of its mesh only the number of links changes.
         error: The error asked for [1], 0.01: one percent; at least 1e-6, below 1.
-        quantity: What it is the error of, one of ``bd.accuracy.QUANTITIES``.
+        quantity: Quantity whose error it is, one of ``bd.accuracy.QUANTITIES``.
         limit: CPU time after which no further pilot run begins [s].
 
     Raises:
@@ -197,9 +197,9 @@ def _suggestion(
 
 
 def _flowing(one: Forecast, pilot: Pilot, scene: Scene) -> tuple[float, float] | None:
-    """Run the scene with an ALE belt, if links are dear: CPU time and error, if it is cheaper."""
+    """Run the scene with an ALE belt, if links take long: CPU time and error, if it is cheaper."""
     other = cells.instead(scene.params)
-    if other is None or one.seconds < DEAR:
+    if other is None or one.seconds < MIN_CPU_TIME:
         return None
     runs = Runs(scene._replace(params=other), simulate, settle)
     try:

@@ -1,1 +1,1 @@
-"""What all rooms use: checks, names of pulleys, files, texts, warnings."""
+"""Shared by all rooms: checks, names of pulleys, files, texts, warnings."""

@@ -1,4 +1,4 @@
-"""Files that only grow, of blocks with check sums: whenever a process dies, what was there is kept.
+"""Files that only grow, of blocks with check sums: they survive the death of the process.
 
 A file is the mark of its kind and blocks; a block is its kind, its length, its content and the
 SHA-256 of these and of the check sum before it, so that no block can be damaged, exchanged, left
@@ -34,7 +34,7 @@ _PIECE = 1 << 20  # read at once [byte]
 
 
 class Block(NamedTuple):
-    """Where the content of a block stands in its file."""
+    """Place of the content of a block in its file."""
 
     kind: bytes
     begin: int
@@ -52,7 +52,7 @@ class BlockFile:
     def __init__(
         self, path: str | os.PathLike[str], mark: bytes, completing: bytes, write: bool
     ) -> None:
-        """Open a file and read which of its blocks are whole.
+        """Open a file and find its complete blocks.
 
         Args:
             path: Where it is.
@@ -185,7 +185,7 @@ class BlockFile:
             raise ValueError("or its beginning is damaged")
 
     def _whole(self, at: int, size: int, digest: bytes) -> tuple[Block, bytes] | None:
-        """Return the block that begins there and its check sum; None if there is no whole one."""
+        """Return the block that begins there and its check sum; None if there is none."""
         begin = at + _HEAD.size
         if begin + _SUM > size:
             return None

@@ -66,7 +66,7 @@ def real(name: str, value: object, unit: str = "1") -> float:
 
 
 def real_numbers(name: str, value: object, unit: str = "1") -> tuple[float, ...]:
-    """Check a list of real numbers, at least one; give them as plain floats.
+    """Check a list of real numbers, at least one; return them as plain floats.
 
     Raises:
         TypeError: Not a sequence of real numbers.
@@ -84,14 +84,14 @@ def real_numbers(name: str, value: object, unit: str = "1") -> tuple[float, ...]
 
 
 def close_to(name: str, known: Iterable[str]) -> str:
-    """Return " (did you mean ...?)" for a misspelt name, or nothing."""
+    """Return " (did you mean ...?)" for a misspelt name, or ""."""
     by_lower = {one.lower(): one for one in known}
     close = difflib.get_close_matches(name.lower(), by_lower, n=1)
     return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
 
 
 def positive(name: str, value: object, unit: str = "1") -> float:
-    """Check a real number > 0; give it as a plain float.
+    """Check a real number > 0; return it as a plain float.
 
     Raises:
         TypeError: Not a real number.
@@ -105,7 +105,7 @@ def positive(name: str, value: object, unit: str = "1") -> float:
 
 
 def share_of_run(name: str, value: object) -> float:
-    """Check a part of a run, counted from its end; give it as a plain float.
+    """Check a part of a run, counted from its end; return it as a plain float.
 
     Raises:
         TypeError: Not a real number.
@@ -129,7 +129,7 @@ def flag(name: str, value: object) -> bool:
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
-    """Check an integer from ``least`` to ``most``; give it as a plain int. 60.0 is not one.
+    """Check an integer from ``least`` to ``most``; return it as a plain int. 60.0 is not one.
 
     Raises:
         TypeError: Not an integer.
@@ -201,7 +201,7 @@ def _holds_masked(value: object, masked: Any, depth: int) -> bool:
 def real_array(
     name: str, value: Any, *, ndim: int, most: int = 0, shape: tuple[int, ...] | None = None
 ) -> Array:
-    """Check an array of finite real numbers; give an immutable C-contiguous float copy.
+    """Check an array of finite real numbers; return an immutable C-contiguous float copy.
 
     It has ``ndim`` dimensions, or up to ``most``. Its memory is that of a ``bytes`` object, so it
     cannot even be made writeable again.

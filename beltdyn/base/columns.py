@@ -14,7 +14,7 @@ def columns(rows: Sequence[Sequence[str]], sides: str = "<>", indent: str = "  "
         rows: Its cells, as many in each row.
         sides: Of each column "<", to the left, or ">", to the right; the last one of all that
             follow.
-        indent: What each line begins with.
+        indent: Beginning of each line.
     """
     wide = widths(rows)
     sides = sides.ljust(len(wide), sides[-1])

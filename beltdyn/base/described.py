@@ -1,4 +1,4 @@
-"""What ``help`` shows of classes with fields: the type of each argument, the meaning of each field.
+"""Help texts of classes with fields: the type of each argument, the meaning of each field.
 
 attrs takes the types of arguments from converters, which take any object, and gives fields no text.
 Types and texts stand once, in the class and in the section "Attributes" of its docstring. ``help``
@@ -61,7 +61,7 @@ def _give_texts(cls: Any, names: list[str]) -> None:
 
 
 def _texts(cls: Any) -> dict[str, str]:
-    """Read the texts of the fields in a docstring; none if Python was told to drop docstrings."""
+    """Read the texts of the fields in a docstring; none if Python drops docstrings."""
     _, *sections = re.split(r"\n(?:Attributes|Args):\n", inspect.cleandoc(cls.__doc__ or ""))
     found: dict[str, str] = {}
     names: list[str] = []

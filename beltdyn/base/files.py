@@ -113,7 +113,7 @@ def _create(temporary: Path, private: bool) -> None:
 
 
 def _complete(temporary: Path, before: os.stat_result | None) -> None:
-    """Flush the file to disk; give it the owner and the rights of the file it replaces."""
+    """Flush the file to disk; set its owner and rights to those of the file it replaces."""
     with open(temporary, "r+b") as file:
         os.fsync(file.fileno())
     if before is None:
@@ -135,7 +135,7 @@ def _flush_folder(folder: Path) -> None:
 
 
 def _explained(error: OSError, path: str | os.PathLike[str], now: str) -> OSError:
-    """Return the same error for the path of the user, with a note on what is there now."""
+    """Return the same error for the path of the user, with a note on the state of the file."""
     what = "; ".join(part for part in (error.strerror or str(error), now) if part)
     if error.errno is None:
         return OSError(what)

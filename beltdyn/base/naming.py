@@ -1,4 +1,4 @@
-"""Names of pulleys: their rule, how they are looked up, and what texts and figures call a pulley.
+"""Names of pulleys: their rule, how they are looked up, and as texts and figures write them.
 
 All here goes by the names of a drive, :attr:`beltdyn.Params.pulley_names`: the name of each pulley,
 or "pulley 3" of one that has none. No pulley can be given such a name, so they all differ.
@@ -68,7 +68,7 @@ def as_name(value: object) -> str | None:
 
 
 def names_of(names: Iterable[str | None]) -> tuple[str, ...]:
-    """Return the names of a drive's pulleys, "pulley 3" of one that has none.
+    """Return the names of a drive's pulleys, "pulley 3" if one has none.
 
     Raises:
         ValueError: Two have the same name.
@@ -88,9 +88,9 @@ def index_of(field: str, pulley: object, names: Sequence[str]) -> int:
     """Find a pulley by its name or its index.
 
     Args:
-        field: What the argument is called in messages.
+        field: Name of the argument in messages.
         pulley: The name, or the index.
-        names: Of the drive's pulleys.
+        names: Names of the drive's pulleys.
 
     Raises:
         TypeError: Neither a name nor an index.
@@ -107,7 +107,7 @@ def index_of(field: str, pulley: object, names: Sequence[str]) -> int:
 
 
 def as_pulley(field: str, value: object) -> PulleyLike:
-    """Check what calls a pulley, before its drive is known: an index >= 0, or a name.
+    """Check a reference to a pulley before its drive is known: an index >= 0, or a name.
 
     Raises:
         TypeError: Neither an integer nor a str.
@@ -121,7 +121,7 @@ def as_pulley(field: str, value: object) -> PulleyLike:
 
 
 def by_index(field: str, values: ByPulley[_T], names: Sequence[str]) -> dict[int, _T]:
-    """Return by index what was given by names or indices of pulleys.
+    """Return values given by names or indices of pulleys, by index.
 
     Raises:
         TypeError: A key is neither a name nor an index.
@@ -137,7 +137,7 @@ def by_index(field: str, values: ByPulley[_T], names: Sequence[str]) -> dict[int
 
 
 def label(pulley: int | str, names: Sequence[str]) -> str:
-    """Return what texts call a pulley: pulley "crank", or pulley 3 if it has no name.
+    """Return the name of a pulley in texts: pulley "crank", or pulley 3 if it has no name.
 
     It may be given by its name; of an index without a name in ``names`` the name is not known.
     """
@@ -147,19 +147,19 @@ def label(pulley: int | str, names: Sequence[str]) -> str:
 
 
 def key(pulley: int, names: Sequence[str]) -> str:
-    """Return what a pulley is called in the path of an argument, omega['crank'] or omega[3]."""
+    """Return the key of a pulley in the path of an argument, omega['crank'] or omega[3]."""
     return repr(names[pulley]) if _is_named(pulley, names) else str(pulley)
 
 
 def labels(one: int, other: int, names: Sequence[str]) -> str:
-    """Return what texts call two pulleys: pulleys 0 and 3, or pulley "crank" and pulley 3."""
+    """Return the names of two pulleys in texts: pulleys 0 and 3, or pulley "crank" and pulley 3."""
     if _is_named(one, names) or _is_named(other, names):
         return f"{label(one, names)} and {label(other, names)}"
     return f"pulleys {one} and {other}"
 
 
 def span_name(span: int, names: Sequence[str], unnamed: str) -> str:
-    """Return what a span is called: "crank to pulley 3", or ``unnamed`` between such pulleys."""
+    """Return the name of a span: "crank to pulley 3", or ``unnamed`` between unnamed pulleys."""
     after = (span + 1) % len(names)
     if _is_named(span, names) or _is_named(after, names):
         return f"{names[span]} to {names[after]}"

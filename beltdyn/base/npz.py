@@ -44,7 +44,7 @@ def pack(values: Mapping[str, Any]) -> bytes:
 
 
 def unpack(content: bytes, names: Collection[str]) -> dict[str, NDArray[Any]]:
-    """Return the arrays of what :func:`pack` gave.
+    """Return the arrays packed by :func:`pack`.
 
     Args:
         content: The bytes.
@@ -155,7 +155,7 @@ def _header(data: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
 def number_array(
     name: str, value: NDArray[Any], kind: DTypeLike, shape: tuple[int, ...]
 ) -> NDArray[Any]:
-    """Check an array's kind and shape; give it in this machine's byte order.
+    """Check an array's kind and shape and return it in this machine's byte order.
 
     Raises:
         ValueError: Another kind or shape.
@@ -169,7 +169,7 @@ def number_array(
 
 
 def text(name: str, value: NDArray[Any]) -> str:
-    """Check that an array is one text; give it.
+    """Check that an array is one text and return it.
 
     Raises:
         ValueError: It is not.

@@ -1,4 +1,4 @@
-"""Packages that only parts of this one need, imported when those are used."""
+"""Optional packages, imported when they are used."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ def optional_module(name: str, user: str, extra: str) -> Any:
     """Import a module of a package that an extra of this one brings.
 
     Args:
-        name: Of the module, such as "SALib.analyze.sobol".
-        user: What needs it, as the message begins.
+        name: Name of the module, such as "SALib.analyze.sobol".
+        user: User of the module, at the beginning of the message.
         extra: That brings it.
 
     Raises:
@@ -34,8 +34,8 @@ def scipy_module(name: str, user: str) -> Any:
     """Import a module of SciPy.
 
     Args:
-        name: Of the module, such as "signal".
-        user: What needs it, as the message begins.
+        name: Name of the module, such as "signal".
+        user: User of the module, at the beginning of the message.
 
     Raises:
         ImportError: SciPy is not there; the message says how to get it.

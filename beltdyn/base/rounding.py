@@ -1,4 +1,4 @@
-"""Numbers as texts have the digits that their errors leave; shares in percent have no exponent."""
+"""Numbers as texts, with the digits that their errors allow; percentages without exponent."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["percent", "rounded"]
 
 
 def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, int]:
-    """Round a number to the place of the first digit of its error; give it and its digits.
+    """Round a number to the place of the first digit of its error; return it and its digits.
 
     Args:
         value: The number.

@@ -1,4 +1,4 @@
-"""Stopping runs: from another thread, for signals come to the main one alone; and not just now."""
+"""Stopping runs from another thread, since signals reach only the main one; deferring Ctrl-C."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ _ENDING = [
 
 @contextmanager
 def without_ctrl_c() -> Iterator[None]:
-    """Answer Ctrl-C only afterwards, so that what has ended is taken once and as a whole."""
+    """Defer Ctrl-C, so that finished runs are taken once and as a whole."""
     handlers = {one: signal.getsignal(one) for one in _ENDING}
     if threading.current_thread() is not threading.main_thread():
         handlers = {}

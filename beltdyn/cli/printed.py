@@ -1,4 +1,4 @@
-"""What a run prints and leaves when it ends, however it ends."""
+"""Output of a run when it ends, however it ends."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ def running(
     drive: Callable[[], Params] | None,
     scene: HardScene | None = None,
 ) -> Iterator[None]:
-    """Let a run be interrupted; where it does not finish, write what there is and stop.
+    """Make a run interruptible; if it does not finish, write its results so far and stop.
 
     Args:
         outputs: The files that were asked for.
         checkpoint: The file it is written to as it goes, with which it can go on.
-        drive: Gives the drive, whose warnings are told where there is no result.
+        drive: Returns the drive, whose warnings are told where there is no result.
         scene: The hard scene that is run; an error in which it must end is no failure.
     """
     try:
@@ -72,7 +72,7 @@ def running(
 
 
 def write(outputs: Outputs, result: Result, checkpoint: Path | None) -> str:
-    """Write the files of a run that finished; give a line that lists them."""
+    """Write the files of a run that finished; return a line that lists them."""
     try:
         with interruptible():
             return outputs.write(result)

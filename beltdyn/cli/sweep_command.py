@@ -122,7 +122,7 @@ def _rows(data: Any, name: str) -> Iterator[tuple[str, Any]]:
 
 
 def _print_cases(data: Any, numbers: list[Any]) -> bool:
-    """Print a row for each run, of what was changed and measured; tell whether there was room."""
+    """Print a row for each run, of what was changed and measured; return whether there was room."""
     runs, dims = data["status"].size, data["status"].dims
     over = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
     measured = [(str(name), *row) for name in numbers for row in _rows(data, str(name))]

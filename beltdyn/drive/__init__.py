@@ -1,1 +1,1 @@
-"""A drive before it runs: its parts, the way of the belt, its rest, what is implausible in it."""
+"""A drive before it runs: parts, route of the belt, tension at rest, plausibility of its data."""

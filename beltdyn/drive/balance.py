@@ -1,4 +1,4 @@
-"""The tension that mounts hold: what decides the preload of a belt whose length is not given.
+"""Tension held by mounts, which sets the preload of a belt whose length is not given.
 
 A span pulls along the line between its ends, which bending lifts off the pulleys by EI / 2 r T each
 (MODEL section 6, "Tension at rest"): where that turns spans, a mount holds another tension than
@@ -94,7 +94,7 @@ def tension_held(
 def _balances(
     pulleys: tuple[Pulley, ...], gravity: tuple[float, float], bending: float
 ) -> Iterator[tuple[int, Sprung, float, Callable[[float], float]]]:
-    """Yield each arm and slider with its pulley, its weights, and what of a tension pulls at it.
+    """Yield each arm and slider with its pulley, its weights, and the factor of the belt tension.
 
     Weights, hung and its own, are forces (torques) in the sense of the travel; what the belt pulls
     with against that sense is the tension times what the last gives for it.

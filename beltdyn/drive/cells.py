@@ -1,4 +1,4 @@
-"""What is said of the mesh of an ALE belt, whose cells stand still: its errors, its limits.
+"""The mesh of an ALE belt, whose cells stand still: its errors and limits.
 
 Every limit below stands with the argument for it.
 """
@@ -67,10 +67,10 @@ STEPS, AT, POWER, STEP = 1800.0, 1e-2, 0.3, 12.0
 #: Implicit steps for each link that lands or leaves, 1.5 to 8 measured; explicit ones over
 #: 1/(spectral bound).
 LANDING, EXPLICIT = 1.5, 2.5
-#: How many times dearer links are before an ALE belt is told of, whose CPU time is known to a
-#: factor of two or three; and of how many explicit steps of a link, 0.05 s, a run is then.
+#: Least speed-up for which an ALE belt is recommended, its CPU time being known to a factor of two
+#: or three; and the explicit steps of a link that such a run has at least, 0.05 s.
 CHEAPER, WORTH = 10.0, 3e5
-#: Error of a frequency from which on it is not given; what is left free below the first of these.
+#: Error above which a frequency is not returned; margin below the first such frequency.
 AMISS, NEAR = 0.01, 0.97
 
 
@@ -93,7 +93,7 @@ D = TypeVar("D", bound=Drive)
 
 
 def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
-    """Return how many cells to ask for where that is left open."""
+    """Return the number of cells to ask for where it is not given."""
     radii = np.array([pulley.radius for pulley in pulleys])
     length = max(CELL, math.pi * float(radii.max()) / HALF_TURN)
     return 2 * len(pulleys) + math.ceil(float(line.wraps @ np.maximum(radii, SMALL)) / length)
@@ -102,7 +102,7 @@ def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
 def instead(params: D) -> D | None:
     """Return the drive with an ALE belt in place of links; None: it has one, or cannot have it.
 
-    Nor has a belt on the paper's mesh, which is there to give the paper's numbers.
+    Nor has a belt on the paper's mesh, which is there for the paper's numbers.
     """
     if params._belt_facts["flows"] or params._belt_facts["tangents"]:
         return None
@@ -126,14 +126,14 @@ def _work(params: Drive, rtol: float) -> float:
 
 
 def cheaper(params: Drive, explicit: float, implicit: float, rtol: float, time: float) -> float:
-    """Estimate how many times cheaper an ALE belt is than a run of links, by the steps of the run.
+    """Estimate the speed-up of an ALE belt over a run of links, from the steps of the run.
 
     Args:
         params: The drive of links.
         explicit: Explicit steps of the run.
         implicit: Implicit ones.
         rtol: Error asked for.
-        time: How long the run was [s].
+        time: Length of the run [s].
 
     Returns:
         How many times [1]; 0 below ``CHEAPER``, and of short runs.
@@ -160,7 +160,7 @@ def describe_cheaper(params: Drive) -> Iterator[str]:
 
 
 def _on_arcs(params: Drive) -> Array:
-    """Return how many cells are on each pulley (n_p,)."""
+    """Return the number of cells on each pulley (n_p,)."""
     cells = params._cells
     return np.array([np.count_nonzero(cells == k) for k in range(len(params.pulleys))])
 
@@ -170,7 +170,7 @@ def _arcs(params: Drive) -> Array:
 
 
 def reach(params: Drive) -> float:
-    """Return the length sqrt(EI/T) over which bending runs off a pulley at rest [m]."""
+    """Return the length sqrt(EI/T) over which bending decays beside a pulley at rest [m]."""
     return math.sqrt(params.belt.bending_stiffness / float(params.info["strain_tension"]))
 
 
@@ -201,7 +201,7 @@ def finer(params: Drive, error: float, allowed: float) -> str:
 
 
 def trusted(params: Drive, speed: float) -> float:
-    """Return the angular frequency from which on modes across spans are not those of the drive.
+    """Return the angular frequency above which lateral modes of spans are wrong.
 
     Of the longest span as a string, at a speed of the belt [m/s]: of the first mode that it has not
     or, as running couples each to its neighbours, has amiss.
@@ -223,7 +223,7 @@ def modes_off(share: float, modes: int) -> Array:
 
     Args:
         share: Speed of the belt over that of waves, b.
-        modes: How many of them.
+        modes: Number of them.
     """
     n = np.arange(1, modes + 1)
     apart = np.where((n[:, None] + n) % 2 == 1, n[:, None] ** 2 - n**2, np.inf)
@@ -234,7 +234,7 @@ def modes_off(share: float, modes: int) -> Array:
 
 
 def describe(params: Drive) -> str:
-    """Describe in one line what the error of the mesh is, and of how many cells and modes it is."""
+    """Describe the error of the mesh in one line, with its numbers of cells and modes."""
     cells, arcs = _on_arcs(params), _arcs(params)
     modes = params._model.sizes["MODES"] // len(params.pulleys)
     most = errors(params, 2.0 * float(params.info["strain_tension"]))
@@ -247,7 +247,7 @@ def describe(params: Drive) -> str:
 
 
 def limits(params: Drive) -> Iterator[RunWarning]:
-    """Warn of wraps and spans that are hardly long enough for the ends where bending runs off."""
+    """Warn of wraps and spans hardly longer than their ends, where bending decays."""
     off, name = reach(params), params.tensioning.beyond_cells()
     if name:
         yield RunWarning(
@@ -280,7 +280,7 @@ def seen(
 
     Args:
         params: The drive.
-        tension: Of the spans (n_t, n_p) [N]; None: not kept, as the next two.
+        tension: Tension of the spans (n_t, n_p) [N]; None: not kept, as the next two.
         flow: Stress-free length that passes in a second (n_t,) [m/s].
         deflection: Amplitudes of sine modes (n_t, n_p, K) [m].
     """

@@ -1,4 +1,4 @@
-"""How far the belt sinks into its pulleys, and what that does to tension, radii and creep.
+"""Depth to which the belt sinks into its pulleys; its effect on tension, radii and creep.
 
 A belt under the tension T presses on a pulley of radius R with T/R per length, less what carries
 it round the curve, and the contact yields by p (MODEL section 3):
@@ -82,28 +82,28 @@ class Drive(Protocol):
         """The way of the belt."""
 
     def label(self, pulley: int) -> str:
-        """Return what texts call a pulley."""
+        """Return the name of a pulley in texts."""
 
 
 @attrs.frozen(kw_only=True, eq=False)
 class Compliance:
-    """How far the belt of a drive sinks into its pulleys, and what follows from that.
+    """Depth to which the belt sinks into its pulleys, and its effects.
 
     Arrays (n_p, 2) have a column for each end of the wrap: where the belt meets the pulley, counted
     in the order of the links, and where it leaves.
 
     Attributes:
         tension: Tension of the belt at the ends of each wrap (n_p, 2) [N].
-        depth: How far it has sunk in there (n_p, 2) [m].
+        depth: Depth to which it has sunk in there (n_p, 2) [m].
         relative_depth: That over the pulley's radius (n_p, 2).
         radius: Radius on which it runs there (n_p, 2) [m]: that of the pulley less the depth, plus
             what a compensated contact begins further out.
-        tension_change: What sinking in does to the mean tension, axes fixed [N]; negative: less.
+        tension_change: Change of the mean tension by sinking in, axes fixed [N]; negative: less.
         relative_tension_change: That over the mean tension without it.
         ratio_change: Relative change of the speed ratio of each pulley to pulley 0, omega_k /
             omega_0, by the radii on which the belt arrives (n_p,).
-        creep_share: What the contact adds to the creep between two pulleys, as a share of what the
-            belt's stretch makes: EA / (c' R^2) of the pulley with the most, c' the stiffness of the
+        creep_share: Creep that the contact adds between two pulleys, as a share of that by the
+            belt's stretch: EA / (c' R^2) of the pulley with the most, c' the stiffness of the
             contact at the depth there.
     """
 
@@ -118,7 +118,7 @@ class Compliance:
 
 
 def complete(contact: Contact, belt: Belt, pulleys: tuple[Pulley, ...]) -> Contact:
-    """Return a contact with the numbers that it leaves open chosen for a drive.
+    """Return a contact in which missing numbers are chosen for a drive.
 
     ``linear`` is 100 EA / R^2 of the smallest pulley, so that the contact gives by a hundredth of
     what the belt stretches: creep and tension are right to 1 % (the stiffness of a belt is known to
@@ -173,8 +173,8 @@ def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) ->
 
     Args:
         params: The drive.
-        radius: Of the pulley [m].
-        tension: Of the belt there [N].
+        radius: Radius of the pulley [m].
+        tension: Tension of the belt there [N].
         flow: Stress-free length that passes in a second [m/s].
     """
     belt, raised = params.belt, 0.0 * radius
@@ -187,7 +187,7 @@ def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) ->
 
 
 def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0.0) -> Compliance:
-    """Return how far the belt sinks into its pulleys, at rest or under load.
+    """Return the depth to which the belt sinks into its pulleys, and its effects.
 
     Args:
         params: The drive.
@@ -283,7 +283,7 @@ def compliance_error(
 
 
 def describe(params: Drive) -> str:
-    """Describe in one line what sinking into the pulleys does to a drive at rest."""
+    """Describe the effect of sinking into the pulleys on a drive at rest, in one line."""
     found = compliance(params)
     worst = int(np.argmax(found.relative_depth[:, 1]))
     depth, share = found.depth[worst, 1], found.relative_depth[worst, 1]

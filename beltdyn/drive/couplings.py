@@ -1,4 +1,4 @@
-"""What joins a pulley's shaft to its rim: isolators and overrunning clutches; torsional dampers.
+"""Couplings of a pulley's shaft and rim: isolators, overrunning clutches; torsional dampers.
 
 Equations in MODEL section 5. With an isolator or a clutch the belt runs on the rim, of the inertia
 that the pulley has, and everything else acts on the hub: torques and loads, bearing drag and
@@ -20,7 +20,7 @@ __all__ = ["Coupling", "Isolator", "OverrunningClutch", "TorsionalDamper", "coup
 
 
 class _Joined(Printable):
-    """What they have in common; the part that turns beside the shaft is the rim or a ring."""
+    """Base of the couplings; the part that turns beside the shaft is the rim or a ring."""
 
     __slots__ = ()
     _group = ""
@@ -35,18 +35,18 @@ class _Joined(Printable):
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("isolator"))
 class Isolator(_Joined):
-    """A spring and a damper between hub and rim, both ways: a torsional isolator or soft coupling.
+    """A spring and damper between hub and rim, acting both ways: torsional isolator, soft coupling.
 
-    Of a crank pulley whose rubber carries the belt's ring, a torsional vibration damper with the
-    belt on its ring, the pulley's inertia is the ring's, and this the hub's with the shaft; the
-    crank's motion or torque acts on the hub. Where the ring hangs free, and the belt runs on the
-    hub, take :class:`TorsionalDamper`.
+    Where the belt runs on the ring of a torsional vibration damper, carried by rubber, the pulley's
+    inertia is that of the ring and ``inertia`` that of hub and shaft; the crank's motion or torque
+    acts on the hub. Where the ring hangs free and the belt runs on the hub, use
+    :class:`TorsionalDamper`.
 
     Attributes:
-        inertia: Of the hub and what turns with it, shaft and rotor [kg m^2], > 0; the pulley's own
-            is then that of the rim.
-        stiffness: Of the spring between hub and rim [N m/rad], > 0.
-        damping: Of the damper between them [N m s/rad], >= 0.
+        inertia: Inertia of the hub with shaft and rotor [kg m^2], > 0; the pulley's own is then
+            that of the rim.
+        stiffness: Stiffness of the spring between hub and rim [N m/rad], > 0.
+        damping: Damping between them [N m s/rad], >= 0.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -66,16 +66,16 @@ class OverrunningClutch(_Joined):
     and drives the hub by stiffness z + damping dz/dt. It never holds the hub back: when that torque
     would be negative the rollers come free, the hub overruns, and the clutch engages again at
     whatever angle it has when the rim catches up. With a soft spring this is an overrunning
-    alternator decoupler (OAD); without, an overrunning alternator pulley (OAP), whose rollers are
-    as stiff as is chosen here.
+    alternator decoupler (OAD); without, an overrunning alternator pulley (OAP), whose rollers have
+    a stiffness that is chosen.
 
     Attributes:
-        inertia: Of the hub and what turns with it, shaft and rotor [kg m^2], > 0; the pulley's own
-            is then that of the rim.
-        stiffness: Of the spring [N m/rad], >= 0; None or 0: no spring, rollers on which the hub
-            alone would swing at 300 Hz.
-        damping: Of the damper beside the spring [N m s/rad], >= 0; None or 0: 5 % of critical, of
-            the hub on its spring. Rollers that come free unwind at the rate stiffness / damping.
+        inertia: Inertia of the hub with shaft and rotor [kg m^2], > 0; the pulley's own is then
+            that of the rim.
+        stiffness: Stiffness of the spring [N m/rad], >= 0; None or 0: no spring, rollers on which
+            the hub alone would swing at 300 Hz.
+        damping: Damping beside the spring [N m s/rad], >= 0; None or 0: 5 % of critical, of the hub
+            on its spring. Rollers that come free unwind at the rate stiffness / damping.
         clockwise: Whether the rim drives the hub clockwise, as where the rim turns clockwise in
             service; by default it drives it counter-clockwise, the sense in which angles are
             positive. The wrong way round the rotor is not driven at all.
@@ -95,14 +95,15 @@ class OverrunningClutch(_Joined):
 class TorsionalDamper(_Joined):
     """A free ring on a pulley, held by a spring and a damper: a torsional vibration damper.
 
-    Without a spring it is a viscous damper, as of Houdaille. Belt and torques act on the pulley. On
-    one whose motion is prescribed it changes nothing but the torque that this motion needs: give
-    the crank a torque, or the damper to another pulley. ``result.couplings`` has the ring as rim.
+    Without a spring it is a viscous (Houdaille) damper. Belt and torques act on the pulley. On a
+    pulley whose motion is prescribed it only changes the torque that this motion needs: drive the
+    crank by a torque, or put the damper on another pulley. ``result.couplings`` has the ring as
+    rim.
 
     Attributes:
-        inertia: Of the ring [kg m^2], > 0; the pulley's own is that of the rest.
-        stiffness: Of the spring between pulley and ring [N m/rad], >= 0.
-        damping: Of the damper between them [N m s/rad], >= 0.
+        inertia: Inertia of the ring [kg m^2], > 0; the pulley's own is that of the rest.
+        stiffness: Stiffness of the spring between pulley and ring [N m/rad], >= 0.
+        damping: Damping between them [N m s/rad], >= 0.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.

@@ -83,13 +83,13 @@ class Friction(Printable):
 
     @property
     def n_states(self) -> int:
-        """Number of states of a link in contact, 0 of a function of its slip velocity alone."""
+        """Number of states of a link in contact, 0 for a function of its slip velocity alone."""
         return _core.friction_states(self._to_core())
 
     def _at(
         self, element: int, state: ArrayLike, speed: ArrayLike, normal: ArrayLike
     ) -> dict[str, Array]:
-        """Evaluate one element for a metre of belt: force, rate, and how they change."""
+        """Evaluate one element for a metre of belt: force, rate and their derivatives."""
         return _core.friction_law(self._to_core(), 1.0, state, speed, normal, element)
 
     def coefficient(self, slip: ArrayLike, *, velocity: float, normal: float) -> Array:
@@ -98,7 +98,7 @@ class Friction(Printable):
         A piece of belt under a constant normal force is drawn from point to point at constant
         speed, beginning without friction. Each move is taken with the rate of the state and its
         derivative where it begins: exact for laws linear in their state at constant velocity, such
-        as Dahl and LuGre; elastic/plastic friction notices at the next point that it slips.
+        as Dahl and LuGre; elastic/plastic friction begins to slip at the next point.
 
         Args:
             slip: Slip displacement at each point (n,) [m].
@@ -174,10 +174,10 @@ class Friction(Printable):
         lost by both is less than their sum, as slip by elongation carries load, too.
 
         Args:
-            share: Of the full force, in [0, 1).
+            share: Share of the full force, in [0, 1).
 
         Returns:
-            The velocity; 0 of laws that stick.
+            The velocity; 0 for laws that stick.
 
         Raises:
             TypeError, ValueError: Not a number in [0, 1).
@@ -295,8 +295,8 @@ class ElasticPlastic(Friction):
 
     Attributes:
         mu: Friction coefficient [1], > 0.
-        stiffness: Of the spring, per metre of belt [N/m^2], > 0.
-        damping: Of the damper, per metre of belt [N s/m^2], > 0.
+        stiffness: Stiffness of the spring, per metre of belt [N/m^2], > 0.
+        damping: Damping coefficient per metre of belt [N s/m^2], > 0.
         mu_s: Static friction coefficient, that of slip velocity 0 [1], usually above the kinetic
             one; 0: no Stribeck curve.
         v_stribeck: Slip velocity over which friction goes from mu_s to mu [m/s],
@@ -338,8 +338,8 @@ class MaxwellSlip(Friction):
 
     Attributes:
         mu: Friction coefficient of each element (n_elements,) [1], > 0; up to 64 elements.
-        stiffness: Of each spring, per metre of belt (n_elements,) [N/m^2], > 0.
-        damping: Of each damper, per metre of belt (n_elements,) [N s/m^2], > 0.
+        stiffness: Stiffness of each spring, per metre of belt (n_elements,) [N/m^2], > 0.
+        damping: Damping coefficients per metre of belt (n_elements,) [N s/m^2], > 0.
         mu_s: Static friction coefficient of all together, that of slip velocity 0 [1]; 0: no
             Stribeck curve.
         v_stribeck: Slip velocity over which friction goes from mu_s to sum(mu) [m/s],
@@ -447,10 +447,10 @@ class CreepRate(Friction):
 class Threlfall(Friction):
     """Threlfall's form of Coulomb friction: ``mu (1 - exp(-3 |v| / v_reg))`` against the slip.
 
-    At v_reg it is 1 - exp(-3) = 0.95 of the full force. The source gives it so far and a constant
-    0.95 mu beyond, which is a jump of the slope; here it goes on to mu. The law has no state: to
-    carry the share q of its full force it slips at ``creep(q) = -v_reg ln(1 - q) / 3``, 0.23 v_reg
-    at half of it. Towards v_reg = 0 it becomes Coulomb's law.
+    At v_reg it is 1 - exp(-3) = 0.95 of the full force. The source uses it up to v_reg and a
+    constant 0.95 mu beyond, with a jump of the slope; here it goes on to mu. The law has no state:
+    to carry the share q of its full force it slips at ``creep(q) = -v_reg ln(1 - q) / 3``, 0.23
+    v_reg at half of it. Towards v_reg = 0 it becomes Coulomb's law.
 
     Source: D. C. Threlfall, "The inclusion of Coulomb friction in mechanisms programs with
     particular reference to DRAM", Mechanism and Machine Theory 13 (1978) 475-483.

@@ -1,4 +1,4 @@
-"""What lets the axis of a pulley move: tensioner arms, sliders, prescribed paths.
+"""Mounts that let the axis of a pulley move: tensioner arms, sliders, prescribed paths.
 
 Equations in MODEL section 5. An arm and a slider have one coordinate each, their travel: of an arm
 the angle by which it has turned, counter-clockwise, of a slider the way along its direction, 0 in
@@ -39,16 +39,16 @@ class MountKind(NamedTuple):
     What stands still in a picture is ``_drawn`` of the class: points (n, 2) by style, of a pulley.
 
     Attributes:
-        name: In the core, in TOML files and in reports.
-        part: What modes call it.
+        name: Name in the core, in TOML files and in reports.
+        part: Name in modes.
         angle: Whether its travel is one [rad] or a length [m]; None: the time.
         force: Unit of what acts on it in the sense of its travel.
         shown: Factor and unit in which travels are printed.
         sense: In which they count.
-        remark: What reports say of it.
+        remark: Remark in reports.
         guide: Field of the core's pair, along which it moves.
         free: Field of the travel at which its spring is unloaded.
-        spring: What reports call the force of its spring.
+        spring: Name of the force of its spring in reports.
     """
 
     name: str
@@ -64,15 +64,15 @@ class MountKind(NamedTuple):
 
     @property
     def moves(self) -> bool:
-        """Whether by what acts on it; else it is prescribed."""
+        """Whether the mount moves under forces; otherwise it is prescribed."""
         return self.angle is not None
 
     def unit(self, either: str) -> str:
-        """Return that of a travel, a rate or a force, of "rad or m"."""
+        """Return the unit of a travel, a rate or a force, from "rad or m"."""
         return either.split(" or ")[0 if self.angle else -1]
 
     def travel_text(self, travel: float) -> str:
-        """Write a travel as an engineer reads it."""
+        """Write a travel in degrees or millimetres."""
         factor, unit = self.shown
         return f"{factor * travel:.4g} {unit}"
 
@@ -117,7 +117,7 @@ def _unloaded_of(group: str, name: str, unit: str) -> dict[str, Any]:
 
 
 class Sprung(Printable):
-    """A mount that moves by what acts on it: arms and sliders."""
+    """A mount that moves under the forces on it: an arm or a slider."""
 
     __slots__ = ()
     _row: ClassVar[MountKind]
@@ -152,7 +152,7 @@ class Sprung(Printable):
             raise ValueError(f"{group}.{unloaded} needs a spring: {group}.stiffness is 0")
 
     def _rows(self) -> list[tuple[str, str, str]]:
-        """Leave out what does not apply: of preload and unloaded place one, stops that are none."""
+        """Leave out what does not apply: preload or unloaded place, missing stops."""
         given = ("preload", "tension", "stops", self._row.free)
         left_out = {name for name in given if getattr(self, name) is None}
         if self.friction == 0.0:
@@ -165,7 +165,7 @@ class Sprung(Printable):
     def spring_force(self) -> float:
         """Torque (force) of the spring in the place of the drive, S_0 without a hung weight.
 
-        Of a mount with a ``tension`` ``params.effective_pulleys`` knows it.
+        For a mount given by its ``tension``, ``params.effective_pulleys`` has it.
 
         Raises:
             ValueError: It is given by ``tension``.
@@ -185,7 +185,7 @@ class Sprung(Printable):
         return float(getattr(self, "weight", 0.0))
 
     def _directions(self, centers: Array) -> Array:
-        """Return how the axis at each of the centers (n, 2) moves with the travel, a of MODEL 5.
+        """Return the direction in which the axis at each center (n, 2) moves, a of MODEL section 5.
 
         Of an angle its length, which is the lever of forces on the axis, is the arm's [m]; else 1.
         """
@@ -220,23 +220,24 @@ class Arm(Sprung):
         pivot: Point about which it turns (x, y) [m].
         inertia: Moment of inertia about the pivot [kg m^2], > 0, the mass of the pulley included.
         mass: Mass on the pulley's axis that gravity acts on [kg], >= 0; part of ``inertia``.
-        stiffness: Of the spring [N m/rad], >= 0.
+        stiffness: Stiffness of the spring [N m/rad], >= 0.
         preload: Torque of the spring on the arm in the place of the drive [N m], counter-clockwise
             positive; None: 0, or by ``free_angle``.
-        free_angle: Angle from there at which the spring is unloaded [rad], in place of ``preload``.
+        free_angle: Angle from that place at which the spring is unloaded [rad], in place of
+            ``preload``.
         tension: Tension of the belt at rest that the arm is to hold in the place of the drive [N],
             > 0, in place of ``preload``, which is found from it (``params.effective_pulleys``),
-            also of a belt that bending lifts off its pulleys: to 0.5 % where sqrt(EI / T) is below
-            a half of what of it lies on the pulley and a quarter of its spans.
-        damping: Of a damper beside the spring [N m s/rad], >= 0.
+            also for a belt that bending lifts off its pulleys: to 0.5 % where sqrt(EI / T) is less
+            than half the arc of contact and a quarter of the spans.
+        damping: Damping beside the spring [N m s/rad], >= 0.
         friction: Torque of Dahl friction in the pivot, in full sliding [N m], >= 0.
-        friction_stiffness: Of that friction before it slides [N m/rad], >= 0; None or 0: so that it
-            develops within 0.01 rad.
+        friction_stiffness: Stiffness of that friction before it slides [N m/rad], >= 0; None or 0:
+            chosen so that it develops within 0.01 rad.
         stops: Angles between which it can turn, (lowest, highest) [rad]; None: no stops.
-        stop_stiffness: Of a stop [N m/rad], >= 0; None or 0: 50 times what the belt holds the arm
-            with.
-        stop_damping: Of a stop [N m s/rad], >= 0; None or 0: half of critical for a stiffness that
-            is chosen, else 0.
+        stop_stiffness: Stiffness of a stop [N m/rad], >= 0; None or 0: 50 times the stiffness with
+            which the belt holds the arm.
+        stop_damping: Damping of a stop [N m s/rad], >= 0; None or 0: half of critical for a
+            stiffness that is chosen, else 0.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -288,25 +289,26 @@ class Slider(Sprung):
 
     Attributes:
         direction: Direction of its travel (x, y), of any length > 0.
-        mass: Of carriage and pulley [kg], > 0; gravity acts on it.
+        mass: Mass of carriage and pulley [kg], > 0; gravity acts on it.
         weight: Mass hung on it by a rope [kg], >= 0, which pulls it along ``direction`` with
             9.80665 N/kg, whatever the gravity of the drive, and moves with it.
-        stiffness: Of a spring [N/m], >= 0.
+        stiffness: Stiffness of a spring [N/m], >= 0.
         preload: Force of the spring on the carriage in the place of the drive [N]; None: 0, or by
             ``free_travel``.
-        free_travel: Travel from there at which the spring is unloaded [m], in place of ``preload``.
+        free_travel: Travel from that place at which the spring is unloaded [m], in place of
+            ``preload``.
         tension: Tension of the belt at rest that the carriage is to hold in the place of the drive
             [N], > 0, in place of ``preload``, which is found from it (``params.effective_pulleys``)
             so that spring and hung weight hold it together.
-        damping: Of a damper beside the spring [N s/m], >= 0.
+        damping: Damping beside the spring [N s/m], >= 0.
         friction: Force of Dahl friction in the guide, in full sliding [N], >= 0.
-        friction_stiffness: Of that friction before it slides [N/m], >= 0; None or 0: so that it
-            develops within a hundredth of the pulley's radius.
+        friction_stiffness: Stiffness of that friction before it slides [N/m], >= 0; None or 0:
+            chosen so that it develops within a hundredth of the pulley's radius.
         stops: Travels between which it can move, (lowest, highest) [m]; None: no stops.
-        stop_stiffness: Of a stop [N/m], >= 0; None or 0: 50 times what the belt holds the carriage
-            with.
-        stop_damping: Of a stop [N s/m], >= 0; None or 0: half of critical for a stiffness that is
-            chosen, else 0.
+        stop_stiffness: Stiffness of a stop [N/m], >= 0; None or 0: 50 times the stiffness with
+            which the belt holds the carriage.
+        stop_damping: Damping of a stop [N s/m], >= 0; None or 0: half of critical for a stiffness
+            that is chosen, else 0.
 
     Raises:
         TypeError, ValueError: A field breaks its rule.
@@ -364,9 +366,9 @@ class Path(Printable):
     Attributes:
         t: Times (n_t,) [s], n_t >= 2, increasing. Before the first and after the last the axis
             stands still.
-        displacement: Of the axis from the pulley's place at these times (n_t, 2) [m]; the first is
-            (0, 0). The belt settles where the axis is at t = 0. Where points are steep the spline
-            goes beyond them; ``print(params)`` says by how much.
+        displacement: Displacement of the axis from the pulley's place at these times (n_t, 2) [m];
+            the first is (0, 0). The belt settles where the axis is at t = 0. Where points are steep
+            the spline goes beyond them; ``print(params)`` says by how much.
 
     Raises:
         TypeError: Not real numbers.

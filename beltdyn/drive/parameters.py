@@ -156,7 +156,7 @@ def read(params: Params, name: str) -> list[Any]:
 
 
 def rule_of(params: Params, name: str) -> Rule | None:
-    """Return the rule of a named number, None if it has none of its own; of a list, that of all."""
+    """Return the rule of a named number or list, None if it has none of its own."""
     whole = path = path_in(params, name)
     if len(path) > 1 and not (isinstance(path[-1], str) and path[-1] != "*"):
         path = path[:-1]

@@ -119,7 +119,7 @@ class Params:
 
     @property
     def _tensioned(self) -> Tensioning:
-        """How the belt is tensioned: as asked, but for one that knows no other way than freely."""
+        """How the belt is tensioned: as asked, or freely where its model allows nothing else."""
         return Tensioning() if self._belt_facts["flows"] else self.tensioning
 
     @property
@@ -189,7 +189,7 @@ class Params:
 
     @functools.cached_property
     def _compliance_error(self) -> dict[str, float]:
-        """The errors of a contact that yields, at rest."""
+        """Errors of the compliance of the contact, at rest."""
         return sinking.compliance_error(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -213,7 +213,7 @@ class Params:
 
     @property
     def n_bodies(self) -> int:
-        """How many links, masses or cells the belt has; cells are chosen if not given."""
+        """Number of links, masses or cells of the belt; cells are chosen if not given."""
         return int(self._model.info["n_bodies"])
 
     @functools.cached_property
@@ -227,21 +227,21 @@ class Params:
     def belt_model(self) -> str:
         """What the belt is made of: "links" or, without bending, "string" (``belt.model``).
 
-        "cells" of an ALE belt, through which it flows.
+        "cells" for an ALE belt, which flows through them.
         """
         return "cells" if self._belt_facts["flows"] else self._belt_facts["model"]
 
     @property
     def _belt_facts(self) -> _core.BeltFacts:
-        """What sets its belt model apart from others."""
+        """Facts of its belt model."""
         return BELTS[self._model.belt]
 
     @property
     def effective_belt(self) -> Belt:
         """The belt with its length: the one given, or the one found for its preload.
 
-        Found anew for every mesh, as the mesh is part of what makes the tension. The belt is
-        settled for it two or three times, when it is first needed.
+        Found anew for every mesh, because the mesh affects the tension. The belt is settled for it
+        two or three times, when it is first needed.
         """
         if self.belt.length is not None:
             return self.belt
@@ -249,7 +249,7 @@ class Params:
 
     @functools.cached_property
     def effective_contact(self) -> Contact:
-        """The contact with all its numbers: those given, and those that were left open, chosen."""
+        """The contact with all its numbers, given or chosen."""
         return sinking.complete(self.contact, self.belt, self.pulleys)
 
     @functools.cached_property
@@ -261,14 +261,14 @@ class Params:
     def compliance(self) -> sinking.Compliance:
         """How far the belt sinks into its pulleys at rest, and what that changes.
 
-        Under load :func:`beltdyn.drive.compliance.compliance` gives it from the tensions of
-        the spans.
+        Under load :func:`beltdyn.drive.compliance.compliance` computes it from the tensions of the
+        spans.
         """
         return sinking.compliance(self)
 
     @functools.cached_property
     def pulley_names(self) -> tuple[str, ...]:
-        """The name of each pulley, "pulley 3" of one that has none."""
+        """The name of each pulley, "pulley 3" if it has none."""
         return naming.names_of(pulley.name for pulley in self.pulleys)
 
     def pulley_index(self, pulley: int | str) -> int:
@@ -281,7 +281,7 @@ class Params:
         return naming.index_of("pulley", pulley, self.pulley_names)
 
     def label(self, pulley: int) -> str:
-        """Return what texts call a pulley: ``pulley "crank"``, or ``pulley 3`` without a name."""
+        """Return a pulley's name in texts: ``pulley "crank"``, or ``pulley 3`` without a name."""
         return naming.label(pulley, self.pulley_names)
 
     @functools.cached_property
@@ -293,7 +293,7 @@ class Params:
         return route_at(self.pulleys, self.centers()) if self.mounted else route(self.pulleys)
 
     def centers(self, travel: ArrayLike | None = None) -> Array:
-        """Return where the axes of the pulleys are.
+        """Return the positions of the axes of the pulleys.
 
         Args:
             travel: Travels of the mounts (n_m,), such as ``state.travel`` or a row of
@@ -314,7 +314,7 @@ class Params:
 
     @property
     def _moving(self) -> tuple[tuple[int, int, Sprung], ...]:
-        """Of the mounts that move by what acts on them: index, that of the pulley, mount."""
+        """Mounts that move under forces: index, index of the pulley, mount."""
         pulleys = self.effective_pulleys
         mounts = [(m, k, pulleys[k].mount) for m, k in enumerate(self.mounted)]
         return tuple((m, k, mount) for m, k, mount in mounts if isinstance(mount, Sprung))
@@ -326,13 +326,13 @@ class Params:
 
     @functools.cached_property
     def _having(self) -> dict[str, tuple[int, ...]]:
-        """Indices of the pulleys that have what a size of the core's tables counts, by size."""
+        """Indices of the pulleys counted by each size of the core's tables, by size."""
         every = tuple(range(len(self.pulleys)))
         return {"PULLEYS": every, "PLANE": every, "MOUNTS": self.mounted, "COUPLINGS": self.coupled}
 
     @property
     def shaft_inertias(self) -> Array:
-        """Inertias of the shafts (n_p,) [kg m^2]: what ``result.pulleys.omega`` belongs to."""
+        """Inertias of the shafts (n_p,) [kg m^2], whose speeds are ``result.pulleys.omega``."""
         return np.array([pulley.shaft_inertia for pulley in self.pulleys])
 
     @property
@@ -387,7 +387,7 @@ class Params:
         return rows
 
     def _remarks(self) -> list[str]:
-        """Describe what the drive is, and what follows from its numbers, a line each."""
+        """Describe the drive and what follows from its numbers, a line each."""
         info, asked = self.info, self.belt.preload
         found = f"preload {asked:g} N: length {info['length']:.6g} m" if asked else ""
         return [
@@ -440,7 +440,7 @@ class Params:
         return [f"mounts rest at {', '.join(rest)} from their places"] if rest else []
 
     def _paths_beyond(self) -> Iterator[str]:
-        """Describe by how much splines of paths overshoot their points, if by 1 % of the path."""
+        """Describe the overshoot of splines of paths where it is 1 % of the path or more."""
         travel = np.array(self._model.rest)
         for m, k in enumerate(self.mounted):
             if not isinstance(path := self.pulleys[k].mount, Path):

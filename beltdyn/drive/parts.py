@@ -40,42 +40,42 @@ class Belt(Printable):
     """A closed belt, per metre of its stress-free length.
 
     Its length is given, or its preload, from which ``params.effective_belt`` finds the length; or
-    neither where the springs and weights of mounts decide: the belt is then as long as puts their
-    pulleys into the places that they have in the drive. To keep that belt while something else is
+    neither, where springs and weights of mounts set the tension: the belt then gets the length that
+    puts their pulleys in their places in the drive. To keep that belt while something else is
     changed: ``attrs.evolve(params, belt=params.effective_belt, pulleys=...)``.
     ``notebooks/8-choosing-parameters.ipynb`` goes from data sheets to these numbers, with ranges.
 
     Attributes:
         length: Stress-free length of the closed belt, L [m], > 0; None: found for the preload.
         preload: Mean tension of the belt at rest [N], > 0: that of the settled belt to 0.1 %,
-            whatever mesh, contact and friction make of it; None: as length or mounts make it.
-        n_bodies: Number of rigid links, n_b, an integer >= 3. Links of stress-free length
-            L / n_b are joined by the springs and dampers of (2.2). Of an ALE belt the number of
-            cells, about so many; None, for it alone: chosen, of some 12 mm on the pulleys.
-            ``params.n_bodies`` says how many there are.
+            whatever the mesh, contact and friction; None: it follows from length or mounts.
+        n_bodies: Number of rigid links, n_b, an integer >= 3. Links of stress-free length L / n_b
+            are joined by the springs and dampers of (2.2). For an ALE belt, about the number of
+            cells; None (ALE belts only): chosen, cells of some 12 mm on the pulleys.
+            ``params.n_bodies`` is the actual number.
         linear_density: Mass per length, rho A [kg/m], > 0.
         axial_stiffness: EA [N], > 0.
         axial_damping: eta A [N s], >= 0.
         bending_stiffness: EI [N m^2], >= 0.
         bending_damping: eta I [N m^2 s], >= 0; the paper has none.
         mesh: How the belt meets the pulleys, MODEL section 3: "joint", along the links, with
-            friction at their joints and their mass at their ends: mean tensions right to some 1 %
-            with 60 links (``print(params)`` estimates it), creep less so; "paper", at the links'
-            centres, the paper's own, which takes eight to sixteen times as many links; or "ale"
-            (arbitrary Lagrangian-Eulerian): the belt flows through cells that stand where the
-            pulleys are. No links land, so the steps do not follow the speed: take it for belts
-            that run fast, for long runs, spectra and creep. One cell to a span, in which it
-            vibrates by its lowest sine modes (``result.spans.deflection``), some ten on an arc.
-            What follows the belt itself, such as ``contact.slip``, is absent by name;
-            ``belt.passed`` says how far it has run. Not for slack spans, wraps and spans hardly
-            longer than sqrt(EI/T), at which bending runs off, and belts as fast as their waves:
-            refused, or the run ends, in words; take "joint" there.
+            friction at their joints and their mass at their ends: mean tensions are accurate to
+            some 1 % with 60 links (``print(params)`` estimates it), creep less so; "paper", at the
+            links' centres, the paper's own, which needs eight to sixteen times as many links; or
+            "ale" (arbitrary Lagrangian-Eulerian): the belt flows through cells that stand where the
+            pulleys are. No links land, so step sizes do not depend on the speed: use it for fast
+            belts, long runs, spectra and creep. A span is one cell and vibrates in its lowest sine
+            modes (``result.spans.deflection``); an arc has some ten cells. Quantities that follow a
+            point of the belt, such as ``contact.slip``, are not available; ``belt.passed`` is how
+            far the belt has run. Not for slack spans, for wraps and spans hardly longer than
+            sqrt(EI/T), over which bending decays, nor for belts as fast as their waves: these are
+            refused, or end the run with a message; use "joint" there.
         model: What the belt is made of, MODEL section 2: "links", rigid ones; "string", point
-            masses joined by bars that stretch, which resist no bending (EI = 0, mesh "joint"):
-            two degrees of freedom each for three, and a step that costs about half; or "auto",
-            the string wherever there is no bending, else links. ``params.belt_model`` says which
-            it is. Of a string ``n_bodies`` counts masses, and what is said of link i is that of
-            mass i, of joint i that of the bar before it.
+            masses joined by bars that stretch, which resist no bending (EI = 0, mesh "joint"): two
+            degrees of freedom each for three, and a step that costs about half; or "auto", the
+            string wherever there is no bending, else links. ``params.belt_model`` says which it is.
+            For a string ``n_bodies`` counts masses; data of link i are those of mass i, data of
+            joint i those of the bar before it.
 
     Raises:
         TypeError, ValueError: A field breaks its rule, or both length and preload are given.
@@ -145,18 +145,18 @@ class Pulley(Printable):
         radius: Radius of the circle on which the mass centres of the links run, r_p [m], > 0.
         inertia: Moment of inertia about the axis [kg m^2], > 0; with an isolator or a clutch that
             of the rim alone.
-        side: Side of the belt on which it lies: "inside" its loop, or "outside", on its back, as an
-            idler that it turns against. Of two pulleys, one of them outside, the belt is crossed.
-            The first pulley is inside.
+        side: Side of the belt on which it lies: "inside" its loop, or "outside", on its back, as a
+            back-side idler. Of two pulleys, one of them outside, the belt is crossed. The first
+            pulley is inside.
         drag: Drag of its bearings, None for none.
         friction: Friction law between the belt and this pulley; None: that of the whole drive,
             ``Params.friction``, and none where that is None.
         name: What messages and figures call it, and how it can be named wherever a pulley is named
             by its index; None: "pulley 3" and the like. 1 to 31 bytes of UTF-8, printable, no
-            number, without spaces at its ends, other than those of the drive's other pulleys.
-        mount: What lets the axis move: :class:`Arm`, :class:`Slider` or :class:`Path`; None: it is
-            fixed. Needs ``Belt(mesh="joint")`` or ``"ale"``.
-        coupling: What joins its rim to its shaft, on which torques, drag and prescribed motions
+            number, without spaces at its ends, unique in the drive.
+        mount: Mount that lets the axis move: :class:`Arm`, :class:`Slider` or :class:`Path`; None:
+            it is fixed. Needs ``Belt(mesh="joint")`` or ``"ale"``.
+        coupling: Coupling of its rim to its shaft, on which torques, drag and prescribed motions
             act: :class:`Isolator` or :class:`OverrunningClutch`; or a free ring on it,
             :class:`TorsionalDamper`; None: it is one rigid body.
 
@@ -226,16 +226,17 @@ class Contact(Printable):
     ``max(0, (e (1 + hunt_crossley dp/dt) + damping dp/dt) l0)`` with
     ``e = quadratic p^2 + linear p``. ``damping`` is the paper's and acts at once where contact
     begins. That of K. H. Hunt and F. R. E. Crossley ("Coefficient of restitution interpreted as
-    damping in vibroimpact", J. Appl. Mech. 42, 1975, 440-445), ``hunt_crossley``, grows with the
-    force, so that there is no jump; what meets a pulley at the speed v is thrown back with
-    1 - 2/3 hunt_crossley v of it, if little is lost. On an ALE belt, of which nothing lands, the
-    two damp nothing.
+    damping in vibroimpact", J. Appl. Mech. 42, 1975, 440-445), ``hunt_crossley``, grows
+    with the force, so that there is no jump; a link that meets a pulley at the speed v rebounds
+    with 1 - 2/3 hunt_crossley v of it, if little is lost. On an ALE belt they act at the ends of
+    wraps, where the belt sinks in as it runs on and as waves roll it on and off, and along arcs.
 
-    Without a stiffness, ``Contact()``, one is chosen that makes the contact give by a hundredth of
-    what the belt stretches: ``linear`` 100 EA / R^2 of the smallest pulley, so that tension and
+    Without a stiffness, ``Contact()``, one is chosen with which the contact yields by a hundredth
+    of the stretch of the belt: ``linear`` 100 EA / R^2 of the smallest pulley, so that tension and
     creep are those of rigid pulleys to 1 %, ``damping`` half of critical, compensated;
     ``params.effective_contact`` has the numbers. Choose your own where they are data of the belt.
-    ``notebooks/8-choosing-parameters.ipynb`` has them from hardness and thickness of the rubber.
+    ``notebooks/8-choosing-parameters.ipynb`` derives them from hardness and thickness of the
+    rubber.
 
     Attributes:
         quadratic: c1' [N/m^3], >= 0.

@@ -62,7 +62,7 @@ def in_place(scene: Scene) -> Scene:
 
 @functools.lru_cache(maxsize=256)
 def rest_tension(scene: Scene, length: float, tensioning: Tensioning) -> float:
-    """Settle a belt and give its mean tension [N].
+    """Settle a belt and return its mean tension [N].
 
     Args:
         scene: The drive.
@@ -225,19 +225,11 @@ def _solve(
     close: float,
     most: int,
 ) -> tuple[float, float]:
-    """Find where an all but linear, increasing function has a value: secants within a bracket.
+    """Solve for the value of a nearly linear, increasing function: secants within a bracket.
 
-    Args:
-        value: The function.
-        target: The value looked for, > 0.
-        start: Where to look first.
-        slope: Of the function, about.
-        within: Where it is less and where it is more than the target.
-        close: Relative difference to the target at which to stop.
-        most: Evaluations at most.
-
-    Returns:
-        The place whose value came nearest, and that value.
+    Returns the place whose value came nearest to the target, > 0, and that value; ``slope`` is
+    about that of the function, ``within`` a bracket, ``close`` the relative difference at which to
+    stop, ``most`` the largest number of evaluations.
     """
     low, high = within
     at = min(max(start, low), high)
@@ -262,7 +254,7 @@ def _solve(
 
 
 class Info(Mapping[str, float | int]):
-    """What a drive knows of itself, by name; the tension at rest is looked for when asked for."""
+    """Derived quantities of a drive by name; the tension at rest is computed when asked for."""
 
     def __init__(self, values: Mapping[str, float | int], tension: Callable[[], float]) -> None:
         self._values = values

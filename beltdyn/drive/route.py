@@ -25,14 +25,14 @@ class Route:
     Attributes:
         arrive: Points at which the belt meets each pulley (n_p, 2) [m].
         leave: Points at which it leaves (n_p, 2) [m].
-        wraps: Angles over which it lies on each (n_p,) [rad], > 0.
+        wraps: Wrap angles (n_p,) [rad], > 0.
         spans: Lengths of the free spans (n_p,) [m].
-        senses: In which sense the belt turns round each in the order of its numbering (n_p,): +1
-            counter-clockwise, -1 clockwise. A pulley whose rim goes with the belt at the speed v
-            has the angular velocity ``sense v / radius``.
-        length: Of the whole line [m]. A belt is shorter by its strain.
+        senses: Sense in which the belt runs round each pulley, in the order of its numbering
+            (n_p,): +1 counter-clockwise, -1 clockwise. A pulley whose rim goes with the belt at the
+            speed v has the angular velocity ``sense v / radius``.
+        length: Length of the whole line [m]. A belt is shorter by its strain.
         turns: Turns of the belt round its own loop: -1 clockwise, +1 counter-clockwise, 0 crossed.
-        names: The names of the pulleys, "pulley 3" of one that has none (n_p).
+        names: The names of the pulleys, "pulley 3" if it has none (n_p).
     """
 
     arrive: Array
@@ -59,11 +59,11 @@ class Route:
 
 
 def route(pulleys: Iterable[Pulley]) -> Route:
-    """Find how a belt runs round pulleys, before any belt is chosen.
+    """Find the route of a belt round pulleys, before any belt is chosen.
 
     Args:
-        pulleys: In the order in which the belt visits them, each with its side; those on mounts in
-            the places given.
+        pulleys: The pulleys in the order in which the belt visits them, each with its side; those
+            on mounts in the places given.
 
     Raises:
         TypeError: These are no pulleys.
@@ -75,7 +75,7 @@ def route(pulleys: Iterable[Pulley]) -> Route:
 
 
 def _passed_by(given: tuple[Pulley, ...], centers: Array) -> str:
-    """Name the one pulley without which there would be a route, if there is just one."""
+    """Name the pulley without which there would be a route, if there is just one."""
     alone = []
     for k in range(1, len(given)):
         rest = [j for j in range(len(given)) if j != k]
@@ -97,7 +97,7 @@ def _passed_by(given: tuple[Pulley, ...], centers: Array) -> str:
 
 
 def route_at(given: tuple[Pulley, ...], centers: Array) -> Route:
-    """Find how a belt runs round pulleys whose axes are at ``centers`` (n_p, 2) [m].
+    """Find the route of a belt round pulleys whose axes are at ``centers`` (n_p, 2) [m].
 
     Raises:
         ValueError: As :func:`route`.

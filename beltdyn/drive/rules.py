@@ -33,7 +33,7 @@ class Rule(NamedTuple):
     text: str
 
     def check(self, value: object) -> Any:
-        """Check a value; give it as plain numbers.
+        """Check a value and return it as plain numbers.
 
         Raises:
             TypeError: Wrong kind.
@@ -61,7 +61,7 @@ class Rule(NamedTuple):
 
     @property
     def wording(self) -> str:
-        """What a number must be, as in "> 0"."""
+        """Bound of a number in words, as "> 0"."""
         wording: str = _RULES[self.rule][0]
         return wording
 
@@ -107,7 +107,7 @@ def with_choice(
 def from_table(
     group: str, *others: Rule
 ) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
-    """Return every field of a class its rule; one without must have a validator or a converter.
+    """Attach its rule to every field of a class; others need a validator or a converter.
 
     A field whose default is None may be left open.
     """
@@ -129,7 +129,7 @@ def from_table(
 
 
 class Printable:
-    """Base of classes whose fields have a rule or are such classes, or None: prints them all."""
+    """Mixin: ``str()`` lists each field with its value, unit and meaning."""
 
     __slots__ = ()
 

@@ -116,7 +116,7 @@ def check(params: Drive) -> tuple[RunWarning, ...]:
 
 
 def mesh_share(params: Drive) -> float:
-    """Return what the mesh adds to the tension at rest, as a share of the tension without it [1].
+    """Return the tension that the mesh adds at rest, over the tension without it [1].
 
     Links lie on the pulleys as tangents and are longer than their arcs by (tan a)/a - 1, a half the
     angle of a link; this stretches the belt by ``info["mesh_strain"]``. The contact yields to both
@@ -144,7 +144,7 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
 
     Args:
         params: The drive.
-        shaking: By how much links that land raise the mean tension, as a share of it [1].
+        shaking: Relative rise of the mean tension by links that land [1].
         pull: Largest difference of the tensions on two sides of a pulley [N].
     """
     info = params.info
@@ -167,7 +167,7 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
 
 
 def shaken(params: Drive, speed: float) -> float:
-    """Estimate by how much links that land raise the mean tension, as a share of it [1].
+    """Estimate the relative rise of the mean tension due to links that land [1].
 
     A link turns by l0 / R at once where it lands. On the way it points up to half of that off the
     line of the span, evenly spread, so links move across it at v l0 / (sqrt(12) R), root mean
@@ -187,7 +187,7 @@ def shaken(params: Drive, speed: float) -> float:
 
 
 def shaking_seen(params: Drive, speed: float, across: float, time: float) -> float:
-    """Estimate from a run by how much links that land raise the mean tension, as a share [1].
+    """Estimate from a run the relative rise of the mean tension due to links that land [1].
 
     A belt that runs steadily moves along itself: where a link in a span has a velocity across its
     own direction, a wave passes, whose slope is that velocity over sqrt(T / (rho A)) plus or minus
@@ -196,10 +196,10 @@ def shaking_seen(params: Drive, speed: float, across: float, time: float) -> flo
 
     Args:
         params: The drive.
-        speed: Of the belt [m/s].
+        speed: Speed of the belt [m/s].
         across: Square of the velocity across the links in the spans, a mean over time, the sum over
             the number of all links [m^2/s^2].
-        time: How long the belt has run [s].
+        time: Time that the belt has run [s].
     """
     belt, info = params.belt, params.info
     if params._belt_facts["flows"]:
@@ -212,7 +212,7 @@ def shaking_seen(params: Drive, speed: float, across: float, time: float) -> flo
 
 
 def mesh_loss(params: Drive, contact: float, friction: float) -> float:
-    """Estimate what the mesh makes of the power that is lost in the contact and to friction [W].
+    """Estimate the part of the losses in contact and friction that is due to the mesh [W].
 
     What dampers of the contact take is nearly all from links that land: each loses the energy
     m (v l0 / R)^2 / 2 with which it turns. Friction is wrong by the share of a link in an arc; on
@@ -235,12 +235,12 @@ def _radii(params: Drive) -> Array:
 
 
 def bodies(params: Drive) -> str:
-    """Describe of how many links, or point masses, the belt is made."""
+    """Describe the number of links or point masses of the belt."""
     return f"{params.info['n_bodies']} {params._belt_facts['nodes']}"
 
 
 def describe_mesh(params: Drive) -> str:
-    """Describe in one line what the error of the mesh is."""
+    """Describe the error of the mesh in one line."""
     if params._belt_facts["flows"]:
         return cells.describe(params)
     belt, error, n_b = params.belt, mesh_error(params), params.info["n_bodies"]
@@ -289,7 +289,7 @@ def of_mesh(
         params: The drive.
         error: The error, of a run; None: that at rest.
         landing: The part of it that is of links that land.
-        speed: Of the belt, in a run [m/s].
+        speed: Speed of the belt, in a run [m/s].
     """
     rest, facts = mesh_error(params)["span_mean"], params._belt_facts
     when, error = (" at rest", rest) if error is None else ("", error)
@@ -401,7 +401,7 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
 
 
 def _preload(params: Drive) -> float:
-    """Return the preload that was asked for, or that of the belt's length [N]."""
+    """Return the preload given, or that of the belt's length [N]."""
     return float(params.belt.preload or params.info["strain_tension"])
 
 
@@ -459,7 +459,7 @@ def _of_units(params: Drive) -> Iterator[RunWarning]:
 
 
 def _of_friction(params: Drive) -> Iterator[RunWarning]:
-    """Doubt the friction of each law once, on the pulley where it is first."""
+    """Warn of implausible friction of each law once, on the first pulley that has it."""
     kinetic, developed = params._slip_limits
     least = min(pulley.radius for pulley in params.pulleys)
     seen: list[Friction] = []

@@ -32,7 +32,7 @@ class Scene(NamedTuple):
     motion: ByPulley[MotionLike] | None = None
 
     def check(self) -> None:
-        """Raise TypeError or ValueError unless they fit together."""
+        """Raise TypeError or ValueError unless drive, loads and times fit together."""
         positive("t_end", self.t_end, "s")
         as_terms(self.torque_fn, self.params.pulley_names)
         as_motions(self.motion, self.params.pulley_names)
@@ -47,22 +47,21 @@ class Scene(NamedTuple):
 
     @classmethod
     def from_toml(cls, source: str | os.PathLike[str]) -> Scene:
-        """Read a scene: what :meth:`beltdyn.Params.to_toml` gives, t_end, [[torque]], [[motion]].
+        """Read a scene: a drive (:meth:`beltdyn.Params.to_toml`), t_end, [[torque]], [[motion]].
 
-        A complete one; ``[friction]``, ``gravity`` and dampings may be left out. ``values`` has a
-        row for each time and a torque for each pulley in it; with ``pulley``, a number for each
-        time. The other kinds of torque, "motor", "speed_table", "load", "harmonics", "step" and
-        "ramp", have
-        the fields of their classes, and a factor over time is a table: ``{ kind = "load", pulley =
-        1, quadratic = 2e-4, factor = { t = [0.2, 0.25], values = [0, 1] } }``. ``motion = [{ pulley
-        = 0, kind = "piecewise_linear", t = [0.0, 0.3], values = [0.0, -60.0] }]`` prescribes a
-        speed, kind "crank" the motion of a :class:`CrankMotion`, "angle_table" an
-        :class:`AngleTable`. A pulley may have a ``name``, ``side = "outside"``, ``friction`` and
-        ``drag`` tables of its own, and a mount: ``mount = { kind = "arm", pivot = [0.1, -0.05],
-        inertia = 2e-3, preload = 15.0, stiffness = 20.0 }``, with ``tension = 400.0`` in place of
-        ``preload``, or kind "slider" or "path"; and a coupling of its shaft: ``coupling = { kind =
-        "clutch", inertia = 3e-3, stiffness = 20.0 }``, or kind "isolator" or "damper". In all these
-        and in ``offset`` a pulley that has a ``name`` may be called by it::
+        ``[friction]``, ``gravity`` and dampings may be left out. ``values`` has a row for each time
+        and a torque for each pulley in it; with ``pulley``, a number for each time. The other kinds
+        of torque, "motor", "speed_table", "load", "harmonics", "step" and "ramp", have the fields
+        of their classes, and a factor over time is a table: ``{ kind = "load", pulley = 1,
+        quadratic = 2e-4, factor = { t = [0.2, 0.25], values = [0, 1] } }``. ``motion = [{ pulley =
+        0, kind = "piecewise_linear", t = [0.0, 0.3], values = [0.0, -60.0] }]`` prescribes a speed,
+        kind "crank" the motion of a :class:`CrankMotion`, "angle_table" an :class:`AngleTable`. A
+        pulley may have a ``name``, ``side = "outside"``, ``friction`` and ``drag`` tables of its
+        own, and a mount: ``mount = { kind = "arm", pivot = [0.1, -0.05], inertia = 2e-3, preload =
+        15.0, stiffness = 20.0 }``, with ``tension = 400.0`` in place of ``preload``, or kind
+        "slider" or "path"; and a coupling of its shaft: ``coupling = { kind = "clutch", inertia =
+        3e-3, stiffness = 20.0 }``, or kind "isolator" or "damper". In all these and in ``offset`` a
+        pulley that has a ``name`` may be called by it. A complete scene::
 
             t_end = 1.0
             gravity = [0.0, -9.81]
@@ -125,11 +124,7 @@ class Scene(NamedTuple):
         return scene
 
     def _document(self) -> dict[str, Any]:
-        """Return the tables of TOML.
-
-        Raises:
-            TypeError: The torque or a motion is a function, which TOML cannot hold.
-        """
+        """Return the tables of TOML; TypeError for functions, which it cannot hold."""
         torque = self.torque_fn
         if not isinstance(torque, Torque):
             raise TypeError(

@@ -111,7 +111,7 @@ class Tensioning:
     shift: float = attrs.field(default=0.0, converter=_shift)
 
     def fitted(self, names: Sequence[str]) -> Tensioning:
-        """Return the same for a drive with these pulleys, those that are named by their index.
+        """Return a copy for a drive with these pulleys, with names replaced by indices.
 
         Raises:
             ValueError: There is no such pulley.
@@ -128,7 +128,7 @@ class Tensioning:
         return self
 
     def beyond_cells(self) -> str:
-        """Name what it asks for that a belt of cells cannot begin with; nothing: all is well.
+        """Return the name of a field that an ALE belt cannot begin with, "" if there is none.
 
         It is laid at rest without friction, at once: there are no links to move.
         """

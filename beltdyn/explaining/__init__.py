@@ -1,4 +1,4 @@
-"""What a drive simulates, why, and what it costs: :func:`explain`."""
+"""Effects of a drive, why it has them, and what they cost: :func:`explain`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What each effect is worth: runs with one effect left out at a time.
+"""Influence of each effect: runs with one effect left out at a time.
 
 Where all of a run is looked at, an effect is worth what leaving it out changed in it: of the whole
 or of any fifth of it, plus twice the runs' own error, which is measured by the same answers of a
@@ -49,7 +49,7 @@ __all__ = [
 
 #: What is compared, in the order of the table.
 ANSWERS = ("tension, mean", "tension, range", "speed, mean", "speed, range")
-#: Of the largest change in a part of the window, for what differs in other runs of the kind.
+#: Safety factor on the largest change in any part of the window: other runs of the kind differ.
 SAFETY = 4.0
 #: Changes are taken to go on growing by at most as much.
 MOST_GROWTH = 10.0
@@ -80,7 +80,7 @@ BASE_RUNS = 3.0
 
 @attrs.frozen
 class Runs:
-    """How the runs that are compared are made, over a window that begins with the run.
+    """Settings of the runs that are compared, over a window that begins with the run.
 
     Attributes:
         run: Runs a scene, with its tolerance times a factor, in at most so many steps.
@@ -95,12 +95,12 @@ class Runs:
 
 @attrs.frozen(eq=False, kw_only=True)
 class Answers:
-    """What is compared of a run, made of the quantities of :mod:`beltdyn.accuracy`.
+    """Quantities of a run that are compared, made of those of :mod:`beltdyn.accuracy`.
 
     Attributes:
         values: By the names of ``ANSWERS``, of each span and each pulley, over the whole run and
             over each fifth of it (1 + 5, n_p) [N], [rad/s].
-        scales: What changes are divided by: the mean tension [N], the highest speed [rad/s].
+        scales: Scales of the changes: the mean tension [N], the highest speed [rad/s].
     """
 
     values: dict[str, Array]
@@ -109,20 +109,19 @@ class Answers:
 
 @attrs.frozen(kw_only=True)
 class LeftOut:
-    """What leaving out an effect, or several, does.
+    """Influence of leaving out an effect, or several.
 
     Attributes:
         name: The effect; of several their names.
-        how: What to change in the scene.
+        how: Change of the scene.
         change: By answer, the largest change of a span over the mean tension, or of a pulley over
             the highest speed, over the whole window [1]. Empty if the run failed.
         worst: The largest change of an answer over the window or a fifth of it [1].
-        growth: By how much changes are larger late in the window than early, 1 to 10 [1].
-        bound: What changes are said to stay below in runs of the kind [1]: four times ``worst``
-            times ``growth``, plus twice the runs' own error; infinite where there is something to
-            warn of.
-        error: What leaving it out makes of the run that is explained [1]: where the window is all
-            of that, ``worst`` plus twice the runs' own error, else ``bound``.
+        growth: Ratio of late to early changes in the window, 1 to 10 [1].
+        bound: Bound of the changes in runs of the kind [1]: four times ``worst`` times ``growth``,
+            plus twice the runs' own error; infinite where there is something to warn of.
+        error: Error of the run that is explained without it [1]: where the window is all of that,
+            ``worst`` plus twice the runs' own error, else ``bound``.
         cpu_time: CPU time of the run without it over that with all effects, less 1: -0.1 is a tenth
             faster [1].
         exercised: Whether it did anything in the window, beyond rounding.
@@ -151,14 +150,14 @@ class LeftOut:
 
 @attrs.frozen(kw_only=True)
 class Ablation:
-    """What each effect is worth, over a window of the run.
+    """Influence of each effect, over a window of the run.
 
     Attributes:
         rows: One effect left out at a time.
         own_error: Largest difference of an answer to a run with a tenth of the tolerance [1].
         seconds: CPU time of the run with all effects, without settling [s].
         runs: Number of runs.
-        rounds: How often each was made; of their CPU times the least counts.
+        rounds: Number of times each was made; the least CPU time counts.
         advice: Names of the effects that may be left out together at the error asked for.
         together: All of these left out in one run; None: there are none.
         sets: What may be left out together at the error asked for, at 2, 5 and 10 times it: the
@@ -184,7 +183,7 @@ class Ablation:
 
 
 def answers_of(result: Result) -> Answers:
-    """Read off a run what is compared."""
+    """Read the compared quantities off a run."""
     seen = observe(result)
     edges = np.linspace(seen.t[0], seen.t[-1], PARTS + 1)
     parts = [(edges[0], edges[-1]), *pairwise(edges)]
@@ -200,7 +199,7 @@ def answers_of(result: Result) -> Answers:
 
 
 def changes_of(one: Answers, base: Answers) -> dict[str, Array]:
-    """Return by how much the answers of a run differ from those of another, over its scales.
+    """Return the differences of the answers of two runs, over the scales of the second.
 
     What cannot be read off, such as the tension of a span that is gone, is infinitely far off.
 
@@ -218,7 +217,7 @@ def changes_of(one: Answers, base: Answers) -> dict[str, Array]:
 
 
 def growth_of(changes: dict[str, Array]) -> float:
-    """Return by how much changes are larger late in the run than early, 1 to 10."""
+    """Return the ratio of late to early changes in the run, 1 to 10."""
     by_part = np.max([change[1:] for change in changes.values()], axis=0)
     early, late = float(np.max(by_part[:EARLY])), float(np.max(by_part[EARLY:]))
     if late <= early:
@@ -251,11 +250,11 @@ def ablate(
 
     Args:
         scene: The scene.
-        runs: How these are made.
+        runs: Settings of the runs.
         error: The error asked for [1].
         time_left: CPU time that is left [s]. Without any, what has not been left out so far is
             not; while there is enough, runs are repeated for their times.
-        longer: Gives runs that take about the CPU time given [s], to confirm what may go.
+        longer: Returns runs that take about the CPU time given [s], to confirm what may go.
 
     Raises:
         SimulationError: The scene with all its effects does not run.

@@ -1,4 +1,4 @@
-"""What a step costs: the size of the state, the passes in order and their times."""
+"""Cost of a step: the size of the state, the passes in order and their times."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _RUN, _CHOICE = 0.15, 0.1
 
 @attrs.frozen(kw_only=True)
 class StateSize:
-    """How large the state is.
+    """Size of the state.
 
     Attributes:
         parts: Numbers by part: "links", or "cells" and "modes" of an ALE belt, "friction",
@@ -51,7 +51,7 @@ class Pass:
 
     Attributes:
         name: What it does.
-        calls: How often a step calls it.
+        calls: Number of calls in a step.
         seconds: Time of a call [s], the median of some rounds over all passes at a state of the
             run; called over and over, it finds its data in the cache.
     """
@@ -68,7 +68,7 @@ class Pass:
 
 @attrs.frozen(kw_only=True)
 class Step:
-    """What a step of the method takes.
+    """Cost of a step of the method.
 
     Attributes:
         method: The method.
@@ -89,7 +89,7 @@ class Step:
 
     @property
     def between(self) -> float:
-        """Time of a whole step less that of its passes [s]: what stands between them."""
+        """Time of a whole step less that of its passes [s]."""
         return self.alone - sum(one.per_step for one in self.passes)
 
 
@@ -120,7 +120,7 @@ def time_step(start: Callable[[str], _core.Simulation], method: str) -> Step:
     """Measure a step and its passes.
 
     Args:
-        start: Gives a run by a method, at the state at which to measure.
+        start: Returns a run by a method, at the state at which to measure.
         method: The method; "auto": the one with which it comes furthest in a while.
     """
     if method == "auto":
@@ -143,7 +143,7 @@ def time_step(start: Callable[[str], _core.Simulation], method: str) -> Step:
 
 
 def _chosen(sim: _core.Simulation) -> str:
-    """Return the method with which "auto" comes furthest; it tries others now and then."""
+    """Return the method with which "auto" covers the most time; it tries others now and then."""
     far: defaultdict[str, float] = defaultdict(float)
     begin, done = time.thread_time(), False
     while time.thread_time() - begin < _CHOICE and not done:

@@ -1,4 +1,4 @@
-"""Which effects a drive has, and which numbers of the scene call for each.
+"""Effects of a drive, and the numbers of the scene that require each.
 
 The effects are the rows of the core's table, ``csrc/physics/effects.c``; a row says which groups of
 parameters call for it, so an effect or a parameter that is added there appears here by itself.
@@ -25,13 +25,13 @@ _NO_FORCE = {"length", "preload", "n_bodies", "linear_density", "compensate"}
 
 @attrs.frozen(kw_only=True)
 class Effect:
-    """An effect of the core: whether a drive has it, and what calls for it.
+    """An effect of the core: whether a drive has it, and why.
 
     Attributes:
         name: As in ``result.effects``; of one that is off, its name in the core's table.
         on: Whether it is simulated. What is off has no pass and no part in the state.
-        because: What in the scene calls for it, a line for each part: its numbers, named as in
-            Python and TOML. Of an effect that is off, what would.
+        because: Why the scene has it, a line for each part: its numbers, named as in Python and
+            TOML. Of an effect that is off, what would.
         zero: Numbers of these parts that are 0 and so call for nothing.
     """
 
@@ -46,7 +46,7 @@ class Part(NamedTuple):
 
     Attributes:
         group: That of its parameters, such as "drag"; of a friction law "friction".
-        path: Where it stands in :class:`beltdyn.Params`, such as "belt" or "drag".
+        path: Its place in :class:`beltdyn.Params`, such as "belt" or "drag".
         pulley: Index of the pulley that it belongs to, or None.
         part: The part.
     """
@@ -78,10 +78,10 @@ def effects_of(
 
     Args:
         params: The drive.
-        torque: What the set torques are, as text.
+        torque: The set torques, as text.
         motions: Prescribed motions, by pulley.
         rows: Rows of ``_core.EFFECTS`` that the run has.
-        passes: What the run calls its passes, in the same order.
+        passes: Names of the passes of the run, in the same order.
     """
     names = dict(zip(rows, passes, strict=False))  # the ledger's pass is no row
     found = []
@@ -118,7 +118,7 @@ def _rules(part: Printable) -> list[Rule]:
 def _reasons(
     params: Params, torque: str, motions: Mapping[int, MotionLike], words: Sequence[str]
 ) -> tuple[list[str], list[str]]:
-    """Return what calls for an effect, and the numbers that are 0."""
+    """Return the numbers that require an effect, and those that are 0."""
     reasons: list[str] = []
     zero: list[str] = []
     if "gravity" in words:

@@ -1,4 +1,4 @@
-"""``bd.explain``: which effects a drive has, what calls for them, what they cost and change."""
+"""``bd.explain``: the effects of a drive, why it has them, their cost and influence."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ _PLANNED, _SPENT = 0.8, 0.9
 #: Part of a window, if it is not all of the run, that ranks the effects. The time that is left then
 #: goes into runs as long as possible, without what may go.
 _RANKING = 0.5
-#: CPU time of what is no run: passes and their run [s].
-_MEASURING = 0.4
+#: CPU time spent on timing the passes of a step, with the run for that [s].
+_PROFILING_TIME = 0.4
 #: Runs besides those with one effect left out, in such runs: the window is looked for, the run with
 #: all effects, that at a tighter tolerance takes twice as long, that with all advice.
 _MORE_RUNS = 5
@@ -46,7 +46,7 @@ _SAMPLES = 501
 
 @attrs.frozen(kw_only=True, repr=False)
 class Explanation:
-    """What a drive simulates, why, what it costs and what it changes; ``print`` shows it.
+    """The effects of a drive, why it has them, their cost and influence; ``print`` shows them.
 
     Attributes:
         effects: The effects, those that are off too, in the order of their passes.
@@ -54,7 +54,8 @@ class Explanation:
         step: A step: its method and passes, each with its time, and the time of a whole step in a
             short run.
         window: The part of the run that was looked at.
-        ablation: What leaving out one effect at a time does; None if that was not asked for.
+        ablation: Influence of each effect, found by leaving out one at a time; None if not asked
+            for.
         error: The error asked for [1].
         scene: The scene that is explained.
     """
@@ -121,7 +122,7 @@ def explain(
     method: str = "auto",
     ablation: bool = True,
 ) -> Explanation:
-    """Return which effects a drive simulates, what calls for them, what they cost and change.
+    """Explain which effects a drive simulates, why, what they cost and what they change.
 
     ``print(bd.explain(*bd.scenes.serpentine()))`` shows a built-in scene. It lists
 
@@ -134,18 +135,17 @@ def explain(
 
     Compared are the mean and the range of the tension of each span, over the mean tension, and of
     the speed of each pulley, over the highest speed, over the window and over each fifth of it.
-    Where the budget is enough for all of the run, the largest change, plus twice the runs' own
-    error, is what leaving out an effect makes of it; the own error is measured with a run at a
-    tenth of the tolerance. If not, a shorter window ranks the effects.
+    Where the budget is enough for all of the run, the influence of an effect is the largest change
+    plus twice the runs' own error, which is measured with a run at a tenth of the tolerance. If
+    not, a shorter window ranks the effects.
 
     What may go together, at the error asked for, 2, 5 and 10 times that, is then left out of as
-    much of the run as the budget allows; of what was seen in a part of it, only four times that,
-    times by how much changes are larger late in the part than early, is said of the rest. This is
-    also the bound stated for other runs like the one that is explained, longer ones too. There is
-    none where the run without an effect has a warning of its accuracy that the run with it has
-    not. An effect that did nothing in the window is named as not exercised: nothing follows for
-    other runs, as with all that begins to act only after the window. What would cost more steps is
-    kept.
+    much of the run as the budget allows; changes in a part of the run bound those in the rest by
+    four times their size, times the ratio of late to early changes in that part. This is also the
+    bound stated for other runs like the one that is explained, longer ones too. There is none where
+    the run without an effect has a warning of its accuracy that the run with it has not. An effect
+    that did nothing in the window is named as not exercised: nothing follows for other runs, as
+    with all that begins to act only after the window. What would cost more steps is kept.
 
     All runs begin as those of :func:`beltdyn.simulate` do, each of its own drive: at rest under
     preload, or at the speed with which a motion begins. Where the belt's length is found for its
@@ -184,7 +184,7 @@ def explain(
     )
     runs = _MORE_RUNS + len(removals_of(scene)) if flag("ablation", ablation) else _MORE_RUNS
     with silenced():
-        window = find_window(drive, max(0.0, _PLANNED * allowed - _MEASURING) / runs)
+        window = find_window(drive, max(0.0, _PLANNED * allowed - _PROFILING_TIME) / runs)
         if window.end < window.asked:
             window = attrs.evolve(window, end=_RANKING * window.end)
         sim = _start(drive, window.final, drive.method)

@@ -180,7 +180,7 @@ def _advice(ablation: Ablation, error: float) -> list[str]:
 
 
 def _why_none(ablation: Ablation, most: float) -> str:
-    """Describe why nothing was left out together that stays within the largest error looked at."""
+    """Describe why no effects were left out together within the largest error looked at."""
     small = [row for row in ablation.rows if row.exercised and row.error <= most]
     if not small:
         return f"None may be left out at an error of {percent(most)} or less."

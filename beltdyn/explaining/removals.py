@@ -1,4 +1,4 @@
-"""What may be left out of a scene, one effect at a time.
+"""Effects that may be left out of a scene, one at a time.
 
 Numbers that a part may do without, which are those that are 0 by default, come from the tables of
 parameters: a new one of this kind appears here by itself. What takes more than a number to leave
@@ -45,8 +45,8 @@ class Removal(NamedTuple):
 
     Attributes:
         name: Its name.
-        how: What to change in the scene.
-        apply: Gives the scene without it.
+        how: Change of the scene.
+        apply: Returns the scene without it.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Removal(NamedTuple):
 
 
 def removals_of(scene: Scene) -> tuple[Removal, ...]:
-    """Return what can be left out of a scene."""
+    """Return the effects that can be left out of a scene."""
     found: dict[tuple[str, str], list[str]] = {}
     for part in parts_of(scene.params):
         for name in _optional(part):
@@ -105,8 +105,8 @@ def _number(path: str, name: str, where: list[str]) -> Removal:
 def _of_same_tension(params: Params) -> Params:
     """Return the tension at rest in place of the length, or of the preload of mounts, that make it.
 
-    A belt that bends is shorter on its way and lifted off its pulleys. What that does to the
-    tension at rest is of no interest: who leaves it out still tightens the belt to its tension.
+    A belt that bends is shorter on its way and lifted off its pulleys. Its effect on the tension at
+    rest does not count: without bending the belt is still tightened to its tension.
     """
     belt, pulleys, sprung = params.belt, list(params.pulleys), _sprung(params)
     if belt.length is not None and not sprung:

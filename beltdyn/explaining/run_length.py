@@ -1,4 +1,4 @@
-"""How long the runs may be that explain a drive."""
+"""Length of the runs that explain a drive."""
 
 from __future__ import annotations
 
@@ -72,18 +72,18 @@ class Window:
     final: State = attrs.field(repr=False)
 
     def reached_in(self, seconds: float) -> float:
-        """Return how far a run comes in some CPU time, at the pace of the window [s]."""
+        """Return the time that a run reaches in some CPU time, at the pace of the window [s]."""
         return seconds / self.pace if self.pace > 0.0 else self.asked
 
 
 def find_window(drive: Drive, allowance: float) -> Window:
-    """Find how far a run comes in some CPU time, settling included.
+    """Find the time that a run reaches in some CPU time, settling included.
 
     In pieces that double its length, each from the end of the one before, until the next one would
     take too long; all of them together take about the allowance.
 
     Args:
-        drive: How the runs are made.
+        drive: Settings of the runs.
         allowance: CPU time of a run [s].
     """
     reached, spent, state = 0.0, 0.0, None

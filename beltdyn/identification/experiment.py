@@ -130,7 +130,7 @@ class Experiment:
 
     @property
     def start(self) -> float:
-        """Time the run begins [s]."""
+        """Time at which the run begins [s]."""
         return self.initial.t if isinstance(self.initial, State) else 0.0
 
     def drive(self, params: Params) -> Params:
@@ -171,8 +171,8 @@ class Experiment:
 
         Args:
             quantity: What was measured, as it is called in a Result, with its column:
-                "pulleys.omega[1]", "span_tension[0]", "joints.force[15]"; without a column, all
-                of them. Or ``quantity(result)``, which gives the values at ``result.t``; it is
+                "pulleys.omega[1]", "span_tension[0]", "joints.force[15]"; without a column, all of
+                them. Or ``quantity(result)``, which returns the values at ``result.t``; it is
                 called from several threads.
             t: Times of the samples (n_t,) [s], non-decreasing.
             values: The measured values (n_t,) or (n_t, k).
@@ -218,8 +218,8 @@ class Experiment:
         """Add one measured number, or several that are read together.
 
         Args:
-            read: ``read(result)`` gives the number, or an array like ``values``; it is called from
-                several threads.
+            read: ``read(result)`` returns the number, or an array like ``values``; it is called
+                from several threads.
             values: The measured value, or values (n,).
             t: Times of the samples in the Result that ``read`` receives [s]; None: 1001 equally
                 spaced ones.
@@ -262,7 +262,7 @@ class Target:
 
     Attributes:
         experiment: The run in which it was measured.
-        read: Gets it from a Result.
+        read: Function that reads it from a Result.
         t: Sample times of that Result (n_t,) [s].
         values: What was measured (n,), (n_t,) or (n_t, k).
         sigma: Standard deviation of the values, of their shape; None: unknown.

@@ -1,4 +1,4 @@
-"""What an identification found, how certain it is, and what it cannot determine."""
+"""Results of an identification: values, uncertainty, and what the data cannot determine."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Sensitivity:
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
 class Identification:
-    """Fitted parameters, how certain they are, and what the data cannot distinguish.
+    """Fitted parameters, their uncertainty, and what the data cannot distinguish.
 
     All uncertainties come from the problem linearised at the solution, in the coordinates of the
     search: the logarithm of a parameter, or its change as a share of its size.
@@ -72,10 +72,10 @@ class Identification:
     Attributes:
         params: The fitted drive.
         values: Fitted values by name, in the parameters' units.
-        confidence: Of :attr:`intervals`.
+        confidence: Confidence level of :attr:`intervals`.
         limit: Factor from which on a parameter or a combination counts as undetermined.
         residuals: (computed - measured)/sigma by target, each of the shape of its values.
-        sigma: Standard deviations used, the same way: as given, or as estimated.
+        sigma: Standard deviations used, likewise by target, given or estimated.
         estimated: Targets whose sigma was estimated from their residuals.
         jacobian: Change of every computed number, in standard deviations, per unit of every
             coordinate (n, n_free).
@@ -86,7 +86,7 @@ class Identification:
         cost: The minimised sum, half the sum of squares (or of the loss).
         dof: Degrees of freedom of Student's t, infinite if every sigma was given.
         nfev: Points tried by the search, without those for derivatives.
-        failed: How many of these could not be simulated.
+        failed: Number of these that could not be simulated.
         runs: Total number of simulations.
         success: Whether the search converged.
         message: How it ended, in words.
@@ -220,7 +220,7 @@ class Identification:
 
     @property
     def confirmed(self) -> bool:
-        """Whether another search ended within all intervals; of one search alone True."""
+        """Whether another search ended within all intervals; True if there was only one."""
         intervals = self.intervals
         held = np.ones(len(self.ends), dtype=bool)
         for part, us in zip(self._parameters, self.ends.T, strict=False):

@@ -107,7 +107,7 @@ def identify(
         executor: In place of ``workers``, where runs are done: "processes", better for torques that
             are Python functions, any ``concurrent.futures.Executor`` or a Dask ``Client``, as in
             :func:`beltdyn.sweep`.
-        confidence: Of the intervals, between 0 and 1.
+        confidence: Confidence level of the intervals, between 0 and 1.
         limit: Factor, > 1: parameters whose standard deviation is a larger factor count as
             undetermined.
         jac: Derivatives by differences, "3-point" (central) or "2-point" (half the runs).
@@ -301,9 +301,9 @@ class _Search:
         return [u for u, _ in self._scored(points)[:count]]
 
     def _probe(self) -> Array | None:
-        """Try the ends of the intervals and beyond; give a point that fits better, or None.
+        """Try the ends of the intervals and beyond; return a point that fits better, or None.
 
-        Along the way on which the other parameters follow, as far as the linearised problem knows.
+        The other parameters follow as in the linearised problem.
         """
         assert self.best is not None and self._slopes is not None
         spread = linear.covariance(self._scaled(self._slopes[1]))
@@ -331,7 +331,7 @@ class _Search:
         return np.asarray(np.clip(u, self._low, self._high))
 
     def _scored(self, points: Array) -> list[tuple[Array, float]]:
-        """Try points within the limits; give those that can be simulated, the best first."""
+        """Try points within the limits; return those that can be simulated, the best first."""
         inside = np.clip(points, self._low, self._high)
         trials = self.rig.try_all(list(inside))
         self._show(self.rig.runs, self._best_cost)
@@ -489,7 +489,7 @@ class _Search:
             yield point
 
     def _estimate_sigma(self) -> float:
-        """Estimate unknown sigmas; gives the largest relative change."""
+        """Estimate unknown sigmas; return the largest relative change."""
         assert self.best is not None and self._slopes is not None
         residuals = self._residuals_of(self.best)
         freedom = 1.0 - linear.leverage(self._scaled(self._slopes[1]))
@@ -504,7 +504,7 @@ class _Search:
         return float(max(changes))
 
     def report(self, success: bool, message: str, mesh: Array | None, note: str) -> Identification:
-        """Put together what was found."""
+        """Make the result."""
         best, options, rig = self.best, self.options, self.rig
         assert best is not None and best.params is not None
         slopes = (

@@ -23,15 +23,15 @@ class Free:
         name: Name of a number of the drive, such as "belt.axial_stiffness", "pulleys[1].inertia",
             "pulleys[*].inertia" (one value for all), "gravity[1]", "tensioning.offset[1][0]"; with
             ``set`` any name.
-        lower: Least value, in the unit of the parameter; None: what its rule says.
-        upper: Largest value; None: no limit.
+        lower: Lower limit, in the unit of the parameter; None: that of its rule.
+        upper: Upper limit; None: no limit.
         scale: "log": searched as its logarithm, so it stays positive and its interval is a factor;
             "linear"; None: "log" for parameters that must not be negative and do not start at 0,
             "linear" for all others and with ``set``.
         start: Where the search begins; None: the value in ``params``.
         size: For "linear": the change that counts as large, the unit of the search; None: |start|.
-            Derivatives are taken by differences of ``diff_step`` times this; from a standard
-            deviation of ln(limit) times this on, the parameter counts as undetermined.
+            Derivatives are taken by differences of ``diff_step`` times this; a parameter whose
+            standard deviation exceeds ln(limit) times this counts as undetermined.
         set: ``set(params, value) -> params``, for a parameter that is no single number of the
             drive; needs ``start``. Called from several threads; a ValueError in it means that this
             value is not possible.

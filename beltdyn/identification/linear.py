@@ -25,11 +25,11 @@ class Combination:
     """Parameters that can change together with hardly any effect on the data.
 
     Attributes:
-        weights: How much each of them changes, as its logarithm or as a share of its size; the
-            squares add up to 1.
+        weights: Change of each of them, as its logarithm or as a share of its size; the squares add
+            up to 1.
         std: Standard deviation along this direction, the other directions unchanged; for
             logarithms exp(std) is a factor. Infinite if the data do not change at all.
-        correlation: Of the estimates, for a pair listed for its correlation; else None.
+        correlation: Correlation of the estimates, for a pair listed for its correlation; else None.
     """
 
     weights: Mapping[str, float]
@@ -123,7 +123,7 @@ def combinations(names: Sequence[str], jacobian: Array, limit: float) -> tuple[C
 
     Args:
         names: Names of the free parameters.
-        jacobian: In standard deviations (n, n_free).
+        jacobian: Jacobian in standard deviations (n, n_free).
         limit: Directions whose standard deviation is larger are listed, then pairs correlated by
             more than 0.95.
     """

@@ -1,4 +1,4 @@
-"""How an identification is to search and what it takes for known, checked."""
+"""Checked options of an identification: its search and its priors."""
 
 from __future__ import annotations
 

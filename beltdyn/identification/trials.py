@@ -27,7 +27,7 @@ __all__ = ["Rig", "Trial"]
 
 @attrs.frozen(eq=False, kw_only=True)
 class Trial:
-    """What the experiments give at a point, or why they cannot be simulated there.
+    """Results of the experiments at a point, or why they cannot be simulated there.
 
     Attributes:
         u: The point: coordinates of the free parameters (n_free,).

@@ -52,7 +52,7 @@ _DARK_AND_LIGHT = (COLOURS[0], COLOURS[4])
 
 
 class Size(NamedTuple):
-    """How large a figure is drawn.
+    """Size of a figure.
 
     Attributes:
         panel: Width and height of a panel [inch].
@@ -90,7 +90,7 @@ class PaperFigure:
 
     Attributes:
         number: Its number in the paper.
-        caption: What it shows.
+        caption: Its caption.
         panels: Functions that draw its panels, lettered (a), (b) if there are several.
         taller: Height of its panels over that of the size.
     """

@@ -92,7 +92,7 @@ class Marks:
 def _arranged(
     numbers: list[tuple[float, str]], limits: tuple[float, float]
 ) -> tuple[list[float], list[str], bool]:
-    """Sort and group what is too close together; tell whether labels must be upright."""
+    """Sort and group what is too close together; return whether labels must be upright."""
     extent = abs(limits[1] - limits[0])
     groups: list[list[tuple[float, str]]] = []
     for place, text in sorted(set(numbers)):

@@ -135,7 +135,7 @@ _UNCERTAINTY = {
 
 @attrs.frozen
 class Trial:
-    """A drive and how it compares with the paper.
+    """A drive and its comparison with the paper.
 
     Attributes:
         params: The drive.
@@ -217,7 +217,7 @@ def explore(
         population: Trials in each.
         spread: Standard deviation of the first generation, in units of the parameters'
             logarithms (of ``size`` for linear ones) times the uncertainty of each.
-        seed: Of the random numbers; the same seed gives the same trials.
+        seed: Seed of the random numbers; the same seed gives the same trials.
         free: What is searched.
         workers: Threads; None: one per processor.
 
@@ -301,7 +301,7 @@ def trade_off(
     free: Sequence[Free] = UNKNOWNS,
     workers: int | None = None,
 ) -> list[Trial]:
-    """Return one quantity more weight and simulate the effect on the others.
+    """Increase the weight of one quantity and simulate the effect on the others.
 
     The step is that of the linearised least squares with the quantity's scale divided by a weight,
     limited by the uncertainty of the parameters; the trials are simulated, not linearised.

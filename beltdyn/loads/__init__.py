@@ -1,1 +1,1 @@
-"""What drives a drive: torques, loads of single pulleys, prescribed motions."""
+"""Torques, loads of single pulleys, prescribed motions."""

@@ -141,7 +141,7 @@ def _check_points(owner: SpeedTable | Motor) -> None:
 
 
 class _OnOnePulley(Torque):
-    """What the torques of this module share: the pulley, the printed form, a factor over time."""
+    """Base of torques on one pulley: the pulley, the printed form, a factor over time."""
 
     __slots__ = ()
     pulley: PulleyLike
@@ -211,8 +211,8 @@ class Load(_OnOnePulley):
     """A load that resists the rotation of a pulley, in either direction.
 
     At the speed omega its torque is ``-(coulomb s + viscous omega + quadratic omega |omega|)``,
-    with the sign s of omega made smooth as that of bearing drag (:class:`beltdyn.Drag`): within
-    ``params.info["drag_speed"]`` at the rim it turns over, so that a pulley at rest under a smaller
+    with the sign s of omega made smooth as that of bearing drag (:class:`beltdyn.Drag`): it changes
+    sign within ``params.info["drag_speed"]`` at the rim, so that a pulley at rest under a smaller
     torque is not locked but creeps. ``Load(1, quadratic=2e-4)`` is a fan.
 
     Attributes:
@@ -263,9 +263,9 @@ class SpeedTable(_OnOnePulley):
 
     At the speed omega its torque is ``-s M(|omega|)``: it resists the rotation in either direction,
     with the smooth sign s of :class:`Load`. M is linear between the points of the table, and
-    constant below the first and above the last. A pulley that turns more than a hundredth faster
-    than the last point is a warning of the run (``beyond_table``). What drives, and starts a pulley
-    from rest, is a :class:`Motor`.
+    constant below the first and above the last. The run warns of a pulley that turns more than 1 %
+    faster than the last point (``beyond_table``). For a torque that drives, also from rest, use
+    :class:`Motor`.
 
     Attributes:
         pulley: Index or name of the pulley.
@@ -329,8 +329,8 @@ class Motor(_OnOnePulley):
         pulley: Index or name of the pulley.
         omega: Speeds (n,) [rad/s], n >= 2, increasing, of either sign.
         torque: Torque at these speeds (n,) [N m], of either sign.
-        ramp: Time from 0 on in which the torque rises from nothing to that of the table [s], or
-            (begin, end) of the rise; None: it is there from the beginning.
+        ramp: Time, from 0, in which the torque rises from zero to that of the table [s], or (begin,
+            end) of the rise; None: it is there from the beginning.
         factor: Factor over time, as in :class:`Load` but of either sign, in place of ``ramp``.
 
     Raises:
@@ -376,7 +376,7 @@ class Motor(_OnOnePulley):
 
 @attrs.frozen(repr=False, field_transformer=named)
 class Harmonics(_OnOnePulley):
-    """A torque that goes with an angle: ``sum_k amplitudes[k] cos(orders[k] theta + phases[k])``.
+    """A torque that depends on an angle: ``sum_k amplitudes[k] cos(orders[k] theta + phases[k])``.
 
     theta is the angle of a pulley: gas and inertia torques of an engine over its crank, the torque
     of a compressor over its own shaft. Steps are no longer than half the period of the highest

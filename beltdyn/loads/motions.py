@@ -58,28 +58,29 @@ def _listed(values: Array) -> str:
 
 @attrs.frozen(field_transformer=named)
 class AngleTable:
-    """A motion by angles that were measured: the angle of a pulley at given times.
+    """A motion given by measured angles of a pulley at given times.
 
     The speed that follows is linear between the times. Without ``cutoff`` it is the slope of the
-    cubic spline through the angles, so that its angle is theirs but for h^2/12 times the change of
-    the acceleration, with the interval h of the samples. Noise and kinks are refused then, by name:
-    differentiated twice, as torques need it, they would be most of the motion. With ``cutoff``
-    what is faster is filtered out, without delay (Butterworth of fourth order, forth and back, over
-    even samples; a kink is rounded within about 1 / cutoff), and the speed has 20 knots in its
-    period. Before the first time and after the last the speed stays. Needs SciPy.
+    cubic spline through the angles, so that its angle agrees with the samples to h^2/12 times the
+    change of the acceleration, h being their interval. Noise and kinks are then refused:
+    differentiated twice for the torque, they would dominate the motion. With ``cutoff`` faster
+    components are filtered out without delay (Butterworth of fourth order, forwards and backwards,
+    over even samples; a kink is rounded within about 1 / cutoff), and the speed has 20 knots per
+    period of the cutoff. Before the first time and after the last the speed is constant. Needs
+    SciPy.
 
     ``motion={"crank": bd.AngleTable(t, angle, cutoff=200.0)}``
 
     Attributes:
         t: Times (n,) [s], n >= 4, increasing.
-        angle: Angles at these times (n,), counter-clockwise and without turns taken off [rad]; only
-            their changes count.
-        cutoff: Frequency from which on motion is taken for noise [Hz], below half the sampling
-            rate; None: the angles are exact.
+        angle: Angles at these times (n,), counter-clockwise, unwrapped (no turns taken off) [rad];
+            only their changes count.
+        cutoff: Frequency above which motion is taken as noise [Hz], below half the sampling rate;
+            None: the angles are exact.
         speed: The speed that follows [rad/s].
 
     Raises:
-        TypeError, ValueError: A field breaks its rule; the angles have turns taken off or, without
+        TypeError, ValueError: A field breaks its rule; the angles are wrapped or, without
             ``cutoff``, kinks or noise.
         ImportError: SciPy is not installed.
     """
@@ -107,7 +108,7 @@ class AngleTable:
         object.__setattr__(self, "speed", PiecewiseLinear(t, speeds))
 
     def _filtered(self, cutoff: float) -> tuple[Array, Array]:
-        """Return times and speeds of the angles without what is faster than the cutoff."""
+        """Return times and speeds of the angles, filtered at the cutoff."""
         signal = scipy_module("signal", "angle tables")
         lasts = float(self.t[-1] - self.t[0])
         n = 1 + round(lasts / float(np.median(np.diff(self.t))))
@@ -220,8 +221,8 @@ class Motion:
     """The prescribed motion of a pulley, given by its speed or by its angle.
 
     ``Motion(angle=lambda t: 0.1 * math.sin(50.0 * t))``. Functions are called with a time within
-    the run and return a number. They must depend on time alone, for they are called several times
-    round each time, and be smooth but at the run's ``breakpoints``: their derivatives, which the
+    the run and return a number. They must depend on time alone, as they are called several times
+    around each time, and be smooth but at the run's ``breakpoints``: their derivatives, which the
     torque needs, are differences over 0.3 ms.
 
     Attributes:
@@ -289,8 +290,8 @@ class CrankMotion:
 
     A run begins with the speed that this motion has then: :func:`beltdyn.simulate` sees to that
     where it is given no ``initial``. Fading in, the factor f goes from 0 to 1 so that speed and
-    acceleration are continuous; without, a run that begins at speed begins with the acceleration of
-    the fluctuation, as with a jolt.
+    acceleration are continuous; without it, a run that begins at speed begins with a jolt, the
+    acceleration of the fluctuation.
 
     ``CrankMotion(-84.0, orders=[2, 4], amplitudes=[0.02, 0.004], fade=(0.0, 0.15))`` is the crank
     of a four-cylinder engine at 800 1/min, clockwise.
@@ -344,7 +345,7 @@ class CrankMotion:
 
 
 def described(motion: MotionLike) -> str:
-    """Describe in words what motion this is."""
+    """Describe the motion in words."""
     if isinstance(motion, Motion) and isinstance(motion.angle, AngleTable):
         return str(motion.angle)
     speed = motion.speed if isinstance(motion, Motion) else motion
@@ -362,7 +363,7 @@ def in_core(motion: object) -> bool:
 def as_motions(
     motion: ByPulley[MotionLike] | None, names: Sequence[str]
 ) -> dict[int, Motion | CrankMotion]:
-    """Check the motions of a run, of pulleys with these names; give them by index.
+    """Check the motions of a run, of pulleys with these names; return them by index.
 
     Raises:
         TypeError: Not a mapping from pulleys to motions.

@@ -42,8 +42,8 @@ class Torque:
 
     ``+`` adds them, ``*`` multiplies them by a number.
 
-    They can also be called like any torque function, and then give the numbers of the core; loads,
-    whose sign turns smoothly with the speed in the core, but for speeds round 0.
+    They can also be called like any torque function and then return the values of the core, except
+    for loads near zero speed, where the core smooths their sign.
     """
 
     __slots__ = ()
@@ -379,7 +379,7 @@ def as_terms(
             double *torque, void *user)``; or a Python callable ``f(t, theta, omega)`` returning
             n_p values.
         pulleys: ``Params.pulley_names`` of the drive, n_p of them.
-        path: What messages call a torque object.
+        path: Name of a torque object in messages.
 
     Raises:
         TypeError: None of these, or a compiled function with another signature.

@@ -29,8 +29,8 @@ _Out = TypeVar("_Out")
 #: Wall time of a batch [s]: what it takes to hand one out is then small against it.
 _IN_THREADS, _ELSEWHERE = 0.1, 0.5
 
-#: How often processes look whether the one that began the sweep is still there [s].
-_WATCHED = 0.5
+#: Time between checks of a process that the one that began the sweep is still there [s].
+_PARENT_CHECK_INTERVAL = 0.5
 
 
 def _available() -> int:
@@ -42,7 +42,7 @@ def _available() -> int:
 
 
 def as_bytes(what: Any) -> bytes:
-    """Write what a worker is to do for another process.
+    """Pickle a job for another process.
 
     Raises:
         TypeError: Something in it cannot be sent to another process.
@@ -86,7 +86,7 @@ class Pool:
 
     @property
     def count(self) -> int:
-        """How many work at a time."""
+        """Number of workers."""
         return self._count
 
     @property
@@ -106,7 +106,7 @@ class Pool:
         self.close(kind is not None)
 
     def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
-        """Have a worker do something."""
+        """Submit a job to a worker."""
         future = self._executor.submit(work, *args)
         if not isinstance(future, Future):
             raise TypeError(
@@ -142,7 +142,7 @@ class Pool:
             raise
 
     def deaths(self, error: BaseException) -> int:
-        """Return how many worker processes an error says have died; 0: it says something else."""
+        """Return the number of worker processes that died by an error; 0: it is another error."""
         return int(isinstance(error, BrokenExecutor))
 
     def renew(self) -> None:
@@ -157,10 +157,10 @@ class Pool:
         )
 
     def stop(self) -> None:
-        """End what runs at the moment, as far as this is possible."""
+        """Stop running jobs, as far as this is possible."""
 
     def close(self, ended: bool) -> None:
-        """Release what belongs to this pool; ``ended``: by an error."""
+        """Release the workers of this pool; ``ended``: by an error."""
 
 
 class _Threads(Pool):
@@ -198,7 +198,7 @@ def _begin(parent: int) -> None:
 
     def watch() -> None:
         while os.getppid() == parent:
-            time.sleep(_WATCHED)
+            time.sleep(_PARENT_CHECK_INTERVAL)
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
@@ -257,7 +257,7 @@ class _Dask(Pool):
         return f"{self.count} thread(s) of a Dask cluster"
 
     def deaths(self, error: BaseException) -> int:
-        """Return how many workers have died: the scheduler tries several for itself."""
+        """Return the number of workers that have died: the scheduler tries several itself."""
         # by name: Dask need not be installed
         if type(error).__name__ == "KilledWorker":
             return int(getattr(error, "allowed_failures", 0)) + 1
@@ -272,7 +272,7 @@ class _Dask(Pool):
 
 
 def has_dask_client(executor: object) -> bool:
-    """Whether something is a client of Dask (dask.distributed), which need not be installed."""
+    """Whether an object is a client of Dask (dask.distributed), which need not be installed."""
     return type(executor).__module__.partition(".")[0] == "distributed" and hasattr(
         executor, "get_executor"
     )

@@ -1,1 +1,1 @@
-"""What a run is asked for, and what follows from single arrays of it."""
+"""Outputs of a run, and what follows from single arrays of them."""

@@ -1,4 +1,4 @@
-"""How accurate a run is, as its result says it: errors by quantity and by origin."""
+"""Accuracy of a run: errors by quantity and by origin."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SPACE_FLOOR = 1e-4
 LOOKS = 100
 
 #: Least friction force by which its errors are measured, as a share of the tension.
-FAINT = 1e-2
+MIN_FRICTION = 1e-2
 
 #: The quantities whose error in time the integration estimates.
 TENSIONS = ("tension", "span_mean")
@@ -74,7 +74,7 @@ class QuantityError:
         space: Error of the mesh; ``1e-4`` stands for anything below.
         order: Observed order p: the error of the mesh falls as 1/n_bodies^p. None where meshes
             differ without a trend, as where links that run on to the pulleys are most of the error.
-        compliance: What contact that yields changes against rigid pulleys.
+        compliance: Effect of the compliance of the contact, against rigid pulleys.
     """
 
     quantity: str
@@ -85,14 +85,14 @@ class QuantityError:
 
     @property
     def known(self) -> float | None:
-        """Sum of those that are known; None unless that of the mesh is."""
+        """Sum of the known errors; None unless that of the mesh is known."""
         if self.space is None:
             return None
         return (self.time or 0.0) + self.space + (self.compliance or 0.0)
 
     @property
     def total(self) -> float | None:
-        """Sum of the three; None unless those in time and in space are known."""
+        """Sum of the three errors; None unless those in time and in space are known."""
         if self.time is None or self.space is None:
             return None
         return self.time + self.space + (self.compliance or 0.0)
@@ -102,25 +102,25 @@ class QuantityError:
 class Accuracy:
     """What is known of the accuracy of a run; ``print`` it for a table.
 
-    Without ``simulate(..., verify=True)`` this is what costs nothing: of tensions the upper
-    estimate of the error in time, ``stats.error``, and the size of the error of the mesh, from the
-    angles of its links, how they shake the belt as they land, and the torques
-    (:func:`beltdyn.drive.sanity.mesh_error`); of friction and power that of the mesh, from what the
-    run has lost in the contact (:func:`beltdyn.drive.sanity.mesh_loss`, needs the ledger); of every
-    quantity what the compliance of the contact changes; the local error, and the energy balance.
-    The errors of speed and creep in time and of the mesh are not known then; of creep they can be
-    many times those of tension.
+    Without ``simulate(..., verify=True)`` it holds what costs nothing to compute: for tensions, an
+    upper estimate of the error in time (``stats.error``) and an estimate of the error of the mesh,
+    from the angles between links, the vibration that they cause as they land, and the torques
+    (:func:`beltdyn.drive.sanity.mesh_error`); for friction and power, the error of the mesh, from
+    the energy lost in the contact (:func:`beltdyn.drive.sanity.mesh_loss`, needs the ledger); for
+    every quantity, the effect of the compliance of the contact; the local error; and the energy
+    balance. The errors of speed and creep in time and of the mesh are not known then; for creep
+    they can be many times those of tension.
 
     Attributes:
         verified: Whether other runs have shown the errors in time and in space of every quantity.
-        errors: By quantity. ``accuracy["creep"]`` gives one of them.
-        until: Time from which on histories part exponentially [s]: up to there they were compared,
-            beyond it only means can be right. None: they do not.
+        errors: Errors by quantity; ``accuracy["creep"]`` is one of them.
+        until: Time after which histories of two runs diverge exponentially [s]: they were compared
+            up to there; beyond it only means can be right. None: they do not diverge.
         local_error: Largest *local* error of a step (``stats.local_error``): what the error
             control keeps, not the error of the result.
         balance: Largest residual of the energy balance over the energy transmitted.
         runs: The runs that verified this one, in words.
-        notes: What was not verified, and why; what was noticed and has no consequence.
+        notes: What was not verified, and why; observations without consequence.
     """
 
     verified: bool = False
@@ -143,9 +143,9 @@ class Accuracy:
         raise KeyError(quantity)
 
     def foreseen(self, expected: Expected) -> Accuracy:
-        """Return the same with the errors that pilot runs have shown in place of estimates.
+        """Return a copy with the errors that pilot runs have shown in place of estimates.
 
-        Means of tension are no further off than its history, of which a pilot knows.
+        The error of mean tensions is at most that of the tension history, which pilots measure.
         """
         quantity, space, time = attrs.astuple(expected)
         names = TENSIONS if quantity in TENSIONS else (quantity,)
@@ -163,7 +163,7 @@ class Accuracy:
         return attrs.evolve(self, errors=errors, notes=(*self.notes, note))
 
     def summary(self) -> list[tuple[str, str]]:
-        """Return the whole error of tensions and creep in a few rows of label and text."""
+        """Return the total errors of tensions and creep in a few rows of label and text."""
         rows = [("accuracy, measured" if self.verified else "accuracy, estimated", "")]
         for name in ("tension", "span_mean", "creep", "power"):
             one = self[name]
@@ -230,7 +230,7 @@ class Accuracy:
         return rows
 
     def remarks(self) -> Iterator[str]:
-        """Yield what stands below the table, a sentence each."""
+        """Yield the remarks below the table, a sentence each."""
         if not self.verified:
             yield (
                 f"not verified{' in full' if self.runs else ''}: without other runs errors of "
@@ -259,7 +259,7 @@ class Expected:
     """Errors of a run that pilot runs on other meshes have shown, for ``simulate(expected=...)``.
 
     Attributes:
-        quantity: What they are errors of, one of ``beltdyn.accuracy.QUANTITIES``.
+        quantity: Quantity whose errors they are, one of ``beltdyn.accuracy.QUANTITIES``.
         space: Error of the mesh [1]; NaN: the pilot ran on this mesh alone.
         time: Error in time [1].
     """
@@ -292,7 +292,7 @@ class Run(Protocol):
 
 
 def known(run: Run) -> Accuracy:
-    """Return what is known of the accuracy of a run without another run.
+    """Return the accuracy of a run as far as it is known without another run.
 
     ``stats.error`` is that of all joint forces, which no span's tension exceeds by much.
     """
@@ -316,12 +316,12 @@ def known(run: Run) -> Accuracy:
 
 @attrs.frozen(kw_only=True)
 class Running:
-    """How a run moves and loads its belt, the same whatever outputs are kept.
+    """Motion and load of the belt in a run, the same whatever outputs are kept.
 
     Attributes:
-        speed: Of the fastest rim, root mean square over the last part; the belt's but for creep
-            [m/s].
-        shaking: By how much links that land raise the mean tension then [1].
+        speed: Speed of the fastest rim, root mean square over the last part; the belt's but for
+            creep [m/s].
+        shaking: Relative rise of the mean tension by links that land then [1].
         shaking_over_time: The same over the whole run.
         pull: Largest difference of the mean tensions on two sides of a pulley, of its torque [N].
         power: Largest mean power of a torque [W].
@@ -335,7 +335,7 @@ class Running:
 
 
 def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
-    """Read off a run how it moves and loads its belt.
+    """Read motion and load of the belt off a run.
 
     Args:
         params: The drive.
@@ -371,7 +371,7 @@ def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) ->
 
 
 def _vibration(run: Run) -> float:
-    """Return how much the tensions of spans vibrate in the end, root mean square [N].
+    """Return the vibration of the span tensions at the end of a run, root mean square [N].
 
     Where small differences grow exponentially, other meshes vibrate as much at other phases.
     """
@@ -401,7 +401,7 @@ def _of_mesh(run: Run) -> dict[str, float]:
     losses = (run.energy.contact_loss, run.energy.friction_loss)
     lost = sanity.mesh_loss(params, *(float(one[-1] - one[first]) for one in losses))
     lost /= float(t[-1] - t[first])
-    carried = seen.speed * max(seen.pull, FAINT * tension)
+    carried = seen.speed * max(seen.pull, MIN_FRICTION * tension)
     # a link at the ends of arcs, in the belt's forces and means
     half = 0.0 if params._belt_facts["flows"] else 0.5 / params.info["n_bodies"]
     if carried > 0.0:

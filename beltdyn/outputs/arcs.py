@@ -34,22 +34,22 @@ class Arcs:
     boundary of stick and slip on any; means over some passing links are better. The cells of an ALE
     belt stand for their own angles, and the boundary is found between their middles.
 
-    A link slips if its friction is at least 95 % of what the law gives in full slip at that slip
-    velocity, |F| >= 0.95 mu N; a law with a state needs some slip to get there. A law without one
-    (``Coulomb``, ``CreepRate``, ``Threlfall``), which creeps at any load, slips where it gives 95 %
-    of the most it could give at higher speed. On a pulley without friction all of the wrap slips. A
+    A link slips if its friction is at least 95 % of that in full slip at its slip velocity, |F| >=
+    0.95 mu N; a law with a state needs some slip to get there. A law without one (``Coulomb``,
+    ``CreepRate``, ``Threlfall``), which creeps at any load, slips where its friction is 95 % of the
+    most that it reaches at higher speeds. On a pulley without friction all of the wrap slips. A
     link on two pulleys belongs to the one with the larger normal force.
 
-    Links that land shake the belt. Where it creeps more slowly than that it creeps back in between,
-    friction falls each time, and on coarse meshes no link may be left above 95 %: ``returning``
-    tells of it. Where that is more than a few percent, the arc of slip is too small.
+    Links that land shake the belt. Where it creeps more slowly than it is shaken, it creeps back in
+    between and friction drops each time; on coarse meshes no link may then reach 95 %.
+    ``returning`` measures this: where it is more than a few percent, the arc of slip is too small.
 
     Attributes:
         wrap: Arc of contact [rad].
         slip: The part of it that slips [rad].
         stick: The rest of it [rad].
-        returning: Of the part with half of the friction in full slip or more, the share on which
-            friction falls, as the belt creeps back [1].
+        returning: Share of the arc with at least half the friction of full slip on which friction
+            is falling, because the belt creeps back [1].
     """
 
     wrap: Array
@@ -80,7 +80,7 @@ def in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
 
 
 def full_friction(params: Params, touched: NDArray[np.int32], velocity: Array | None) -> Array:
-    """Return the friction coefficients in full slip of links; any where nothing is touched.
+    """Return the friction coefficients of links in full slip; any value off the pulleys.
 
     Args:
         params: The drive.
@@ -167,7 +167,7 @@ def _of_cells(
 
 
 def _beyond(excess: Array, on: NDArray[np.bool_]) -> Array:
-    """Return the share of each cell in which something linear between their middles is positive.
+    """Return the share of each cell in which a linear interpolation of values is positive.
 
     On a pulley's cells (n_t, n_b); in the outer half of its first and its last it is as in the
     middle.
@@ -183,7 +183,7 @@ def _beyond(excess: Array, on: NDArray[np.bool_]) -> Array:
 
 
 def _angles(params: Params, arm: Array, on: NDArray[np.bool_], normal: Array) -> Array:
-    """Return the angles that links on a pulley stand for (n_t, n_b) [rad]; 0 of those off it."""
+    """Return the angles that links on a pulley stand for (n_t, n_b) [rad]; 0 for those off it."""
     after = np.abs(turns(arm, np.roll(arm, -1, axis=1)))
     angles = np.where(on, 0.5 * (after + np.roll(after, 1, axis=1)), 0.0)
     if not params._belt_facts["smooth"]:

@@ -1,4 +1,4 @@
-"""Slip over a whole wrap: a pulley carries all that friction can give, and moves against it."""
+"""Slip over a whole wrap: a pulley carries all that friction can, and slips."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ __all__ = ["GrossSlip", "durations", "gross_slip"]
 #: below: 0.88 in case 1 of the paper, which is loaded almost to its limit. In place of mu_k stands
 #: what friction has at the slip velocity of each link, where its law depends on that: with LuGre's
 #: law a link that sticks can hold mu_s.
-SATURATED = 0.98
+FULL_SLIP = 0.98
 #: Slip in units of mu_k/sigma, below which a pulley has only moved within its friction joint.
-SLIPPED = 10.0
+MIN_SLIP = 10.0
 #: Friction below this share of the belt's tension is neglected.
-FAINT = 0.01
+NEGLIGIBLE_FRICTION = 0.01
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -32,13 +32,13 @@ class GrossSlip:
     Attributes:
         slips: At which samples a pulley slips in full (n_t, n_p); nowhere on one that moves by no
             more than the travel in which its friction develops.
-        way: By how much [m] (n_p,).
+        slip_distance: Distance slipped meanwhile [m] (n_p,).
         carried: Mean friction meanwhile [N] (n_p,); single samples have what landing links add.
-        lost: What that dissipates [J] (n_p,).
+        lost: Energy dissipated by it [J] (n_p,).
     """
 
     slips: NDArray[np.bool_]
-    way: Array
+    slip_distance: Array
     carried: Array
     lost: Array
 
@@ -67,12 +67,14 @@ def gross_slip(
     carried = np.abs(_per_pulley(friction, bins, n_p))
     most = kinetic * _per_pulley(normal, bins, n_p)
     # In slip no law has less than the kinetic friction.
-    for k in np.flatnonzero((carried >= SATURATED * most).any(axis=0)).tolist():
+    for k in np.flatnonzero((carried >= FULL_SLIP * most).any(axis=0)).tolist():
         law = params.friction_on(k)
         held = None if law is None else in_slip(law, float(kinetic[k]), velocity)
         if held is not None:
             most[:, k] = _per_pulley(held * normal, bins, n_p)[:, k]
-    saturated = (carried >= SATURATED * most) & (most > FAINT * params.info["strain_tension"])
+    saturated = (carried >= FULL_SLIP * most) & (
+        most > NEGLIGIBLE_FRICTION * params.info["strain_tension"]
+    )
     rows = np.flatnonzero(saturated.any(axis=1))
     if rows.size == 0:
         return None
@@ -82,14 +84,14 @@ def gross_slip(
     # A wrap whose friction is fully developed from tensioning alone does not slip.
     slips = speed > 0.01 * speed.max(axis=0)
     lasts = durations(t)[:, None]
-    way = np.sum(np.where(slips, lasts * speed, 0.0), axis=0)
-    slips &= way > SLIPPED * developed
+    distance = np.sum(np.where(slips, lasts * speed, 0.0), axis=0)
+    slips &= distance > MIN_SLIP * developed
     if not slips.any():
         return None
     during = np.where(slips, lasts, 0.0)
     return GrossSlip(
         slips=slips,
-        way=way,
+        slip_distance=distance,
         carried=np.sum(during * carried, axis=0) / np.maximum(np.sum(during, axis=0), TINY),
         lost=np.sum(during * lost, axis=0),
     )
@@ -102,7 +104,7 @@ def durations(t: Array) -> Array:
 
 
 def _bins(touched: NDArray[np.int32], n_p: int) -> NDArray[np.intp]:
-    """Return every (sample, pulley) a number; pulley -1, no contact, is the first of a sample."""
+    """Return an index for each (sample, pulley); pulley -1, no contact, comes first."""
     rows = np.arange(touched.shape[0], dtype=np.intp)[:, None]
     return (touched + (rows * (n_p + 1) + 1)).ravel()
 

@@ -48,7 +48,7 @@ class Group:
 
     @classmethod
     def _holding(cls, found: Mapping[str, Any]) -> Self:
-        """Make one of these arrays alone; the others were not asked for."""
+        """Make a group of these arrays alone; the others were not asked for."""
         fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
         later = {field.name for field in fields if not field.init}
         first = {name: found[name] for name in found if name not in later}
@@ -101,7 +101,7 @@ def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
 
 
 def absent(output: str, before: str = "") -> str:
-    """Describe which meshes have belts without an output, such as "contact.slip"; nothing: none."""
+    """Name the meshes that lack an output, such as "contact.slip"; "" if none does."""
     sizes = {f"{group}.{name}": size for group, name, size in ROWS}
     without = dict.fromkeys(
         f'"{row["mesh"]}"' for row in _core.BELTS if sizes.get(output) in row["lacks"]
@@ -119,11 +119,11 @@ class PulleyHistory(Group):
         torque: Set torque M_d of (2.12) [N m]; of a pulley whose motion is prescribed, the torque
             that it needs.
         load: Force of the belt on the pulley in x and y, of contact and friction [N]: the hub load,
-            what its bearings carry besides weights and the inertia of a pulley that moves. Of a
-            running belt the relief by its centrifugal force is in it (``Result.hub_load``). Links
-            that land make it swing, of the mesh: its extremes are no design loads, they fall as
-            ``n_bodies`` rises; those of the report are.
-        names: Names of the pulleys, "pulley 3" of one that has none (n_p,).
+            what its bearings carry besides weights and the inertia of a pulley that moves. For a
+            running belt it includes the relief by centrifugal force (``Result.hub_load``). It
+            fluctuates as links land, an artefact of the mesh: its extremes are no design loads,
+            they fall as ``n_bodies`` rises; those of the report are.
+        names: Names of the pulleys, "pulley 3" if it has none (n_p,).
     """
 
     theta: Array
@@ -140,13 +140,13 @@ class BeltHistory(Group):
     Attributes:
         x: Mass centre [m].
         y: Mass centre [m].
-        phi: Angle, continuous [rad]. Of a string the direction of the bar behind each mass,
+        phi: Angle, continuous [rad]. For a string the direction of the bar behind each mass,
             continuous along the belt; mass 0 has it within +-pi at every sample.
         vx: Velocity of the mass centre [m/s].
         vy: Velocity of the mass centre [m/s].
         vphi: Angular velocity [rad/s].
-        flow: Of an ALE belt alone, as ``passed``, (n_t,): stress-free length that flows out of the
-            wrap of pulley 0 in a second [m/s], positive in the order of the cells.
+        flow: ALE belts only, as ``passed`` (n_t,): stress-free length per second that flows out of
+            the wrap of pulley 0 [m/s], positive in the order of the cells.
         passed: Its integral since the first sample [m], by which a mark on the belt is followed.
 
     Of an ALE belt places and velocities are those of the belt where each cell begins, on pulleys
@@ -218,18 +218,19 @@ class ContactHistory(Group):
 class MountHistory(Group):
     """Mounts over time, each (n_t, n_m), in the order of ``params.mounted``.
 
-    Travels of arms are angles, counter-clockwise, and forces torques [N m]; of sliders they are
-    ways along the direction and forces [N]. Forces count in the sense of the travel. A path has a
-    travel, the time, and the force of the belt alone.
+    Travels of arms are angles, counter-clockwise, and forces are torques [N m]; those of sliders
+    are distances along the direction and forces [N]. Forces are positive in the sense of the
+    travel. A path has a travel, the time, and the force of the belt alone.
 
     Attributes:
-        travel: From the place of the drive [rad or m].
+        travel: Travel from the place in the drive [rad or m].
         travel_speed: Its rate [rad/s or m/s].
-        spring_force: Of the spring, preload and hung weight included [N m or N].
-        damper_force: Of the damper [N m or N].
-        friction_force: Of the friction in pivot or guide [N m or N].
-        stop_force: Of the stops [N m or N].
-        belt_force: Of the belt on the pulley, ``-a . sum F_ij`` of MODEL section 5 [N m or N].
+        spring_force: Force of the spring, preload and hung weight included [N m or N].
+        damper_force: Force of the damper [N m or N].
+        friction_force: Friction in pivot or guide [N m or N].
+        stop_force: Force of the stops [N m or N].
+        belt_force: Force of the belt on the pulley, ``-a . sum F_ij`` of MODEL section 5 [N m or
+            N].
     """
 
     travel: Array
@@ -245,13 +246,13 @@ class MountHistory(Group):
 class CouplingHistory(Group):
     """Couplings over time, each (n_t, n_c), in the order of ``params.coupled``.
 
-    ``pulleys.theta`` and ``.omega`` are those of the hubs. Of a torsional damper what is said of
-    the rim is of its ring.
+    ``pulleys.theta`` and ``.omega`` are those of the hubs. For a torsional damper, rim stands for
+    its ring.
 
     Attributes:
         rim_angle: Angle of the rim, counter-clockwise [rad].
         rim_speed: Its angular velocity [rad/s].
-        windup: Windup, rim against hub, of a clutch in the sense in which it drives: >= 0 [rad].
+        windup: Windup, rim against hub; for a clutch in the sense in which it drives: >= 0 [rad].
         transmitted: Torque of the coupling on the shaft, counter-clockwise [N m]; 0 while a clutch
             overruns.
     """
@@ -267,11 +268,11 @@ class EnergyLedger(Group):
     """Stored energies, work and losses over time, each (n_t,) [J]; MODEL section 7.
 
     Attributes:
-        kinetic: Of links and pulleys.
+        kinetic: Kinetic energy of links and pulleys.
         axial: Stored in the stretch of the joints.
         bending: Stored in the bending of the joints.
         contact: Stored in the contact.
-        gravity: Potential.
+        gravity: Potential energy.
         drive: Work done since the start by the set torques, and by those of prescribed motions.
         joint_loss: Lost in the dampers of the joints since the start.
         contact_loss: Lost in the dampers of the contact since the start.
@@ -369,9 +370,9 @@ class Stats:
         twin_steps: Steps repeated from a slightly displaced state to measure this growth; with less
             than 1 % of critical damping of the joints' fastest vibration and implicit steps longer
             than that, also 4000 short ones or a tenth as many as the run has, if that is more.
-        invariant: Largest of what must not be in any accepted state, over its bound: forces on the
-            belt without a source and losses that give energy, which must be rounding. Seen at the
-            end of the run; above 1 it has ended with BD_ERR_INVARIANT.
+        invariant: Largest violation of an invariant in an accepted state, over its bound: forces on
+            the belt without a source and losses that supply energy, which must be rounding. Seen at
+            the end of the run; above 1 it has ended with BD_ERR_INVARIANT.
         error: Estimate of the error in time of the joint forces: the root mean square over joints
             and time, over the mean tension. Not the error of the mesh, mostly the larger one, which
             ``result.accuracy`` has. None: not known.

@@ -1,4 +1,4 @@
-"""What repeats itself in a drive, and so makes lines: pulleys, the belt, links."""
+"""Periodic sources in a drive, which make lines: pulleys, the belt, links."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Sampled(Protocol):
 
 @attrs.frozen(kw_only=True)
 class Source:
-    """What repeats itself in a drive, and so makes lines at multiples of its frequency.
+    """A periodic source in a drive, which makes lines at multiples of its frequency.
 
     Attributes:
         name: "link passing", "belt passing", or that of a pulley.
@@ -73,8 +73,8 @@ class Source:
         frequency: The fundamental [Hz]: the slope of its turns over time in the window, weighted
             with Hann's window as a spectrum is, which is where its line stands. Turns forth and
             back count against each other: of what only rocks it is 0.
-        spread: By how much the frequency changed in the window, as a share of its mean [1]; what
-            fluctuates within a tenth of the window is left out.
+        spread: Change of the frequency in the window, as a share of its mean [1]; what fluctuates
+            within a tenth of the window is left out.
         kept: Share of its height that the line of each harmonic keeps, the first one first: 1 at an
             even speed, less where the speed changes and smears it [1].
         known: Error of the frequency, as a share [1].
@@ -89,7 +89,7 @@ class Source:
 
     @property
     def sharp(self) -> int:
-        """How many harmonics are lines at all, the speed being even enough for them."""
+        """Number of harmonics that are lines, the speed being even enough."""
         for k, kept in enumerate(self.kept):
             if kept < KEPT:
                 return k
@@ -141,7 +141,7 @@ def _has_links(result: Sampled) -> bool:
 
 
 def sources(result: Sampled, rows: Any = slice(None)) -> tuple[Source, ...]:
-    """Return what repeats itself in a run, over some samples: links, pulleys, the belt.
+    """Return the periodic sources of a run, over some samples: links, pulleys, the belt.
 
     Pulleys that stand still are left out, and a belt that does.
     """
@@ -167,7 +167,7 @@ def sources(result: Sampled, rows: Any = slice(None)) -> tuple[Source, ...]:
 
 
 def _source(name: str, kind: str, t: Array, rate: Array, known: float) -> Source | None:
-    """Describe what turns at a rate (n_t,) [Hz] at the times (n_t,); None if it stands still."""
+    """Make the source that turns at a rate (n_t,) [Hz]; None if it stands still."""
     steps = 0.5 * np.diff(t) * (rate[1:] + rate[:-1])
     turns = np.concatenate([[0.0], np.cumsum(steps)])
     if t.size < 3 or float(np.ptp(turns)) < STILL:
@@ -211,9 +211,10 @@ def lines_at(
     nor harmonics that the changes of speed in the window smear (:attr:`Source.sharp`).
 
     Args:
-        found: What repeats itself.
-        frequency: Of the line [Hz].
-        resolution: Of the spectrum: noise bandwidth of Hann's window, 1.5 over its length [Hz].
+        found: Periodic sources.
+        frequency: Frequency of the line [Hz].
+        resolution: Resolution of the spectrum: noise bandwidth of Hann's window, 1.5 over its
+            length [Hz].
         limit: Half the rate of sampling [Hz].
 
     Returns:

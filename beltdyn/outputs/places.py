@@ -40,15 +40,16 @@ class AlongBelt:
     """A history of links in places that are fixed in space.
 
     Attributes:
-        name: What it is, such as "joints.force".
+        name: Name of the output, such as "joints.force".
         t: Sample times (n_t,) [s].
         s: Places along the belt line (n_s,) [m], from where it leaves pulley 0.
-        values: There, between the two joints or links next to each place linearly (n_t, n_s).
-        part: What of the line each place is on: the name of a pulley, of a span "crank to idler",
-            or "span 0 to 1" between pulleys without names (n_s,).
+        values: Values there, interpolated linearly between the two joints or links next to each
+            place (n_t, n_s).
+        part: Part of the line that each place is on: the name of a pulley, of a span "crank to
+            idler", or "span 0 to 1" between pulleys without names (n_s,).
         wraps: Where the line arrives at each pulley and leaves it (n_p, 2) [m]; that of pulley 0 is
             the last.
-        length: Of the line [m].
+        length: Length of the line [m].
     """
 
     name: str
@@ -92,7 +93,7 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
 
     Args:
         params: The drive.
-        points: Of the links, in their order (n_t, n_b, 2) [m].
+        points: Points of the links, in their order (n_t, n_b, 2) [m].
         lines: The line at every sample, or one for all.
         centers: Axes then (n_t, n_p, 2), or (1, n_p, 2) [m].
     """
@@ -144,7 +145,7 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
 
 
 def _points(params: Params, belt: BeltHistory, group: str, rows: slice) -> Array:
-    """Return where the numbers of a group belong: joints, links, or what contact is reported at."""
+    """Return the points that the values of a group belong to: joints, links, contact points."""
     if group == "contact":
         return contact_points(params, belt, rows)
     part = coordinates(params, belt, rows)
@@ -184,7 +185,7 @@ def along(
 
 
 def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: Array) -> AlongBelt:
-    """Return what was found, with the names of the parts of the line."""
+    """Return the history with the names of the parts of the line."""
     names = params.pulley_names
     spans = [
         span_name(k, names, unnamed=f"span {k} to {(k + 1) % len(names)}")
@@ -197,7 +198,7 @@ def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: A
 
 
 def cell_places(params: Params) -> Array:
-    """Return where the cells of an ALE belt begin along the line, and its length (n_b + 1,) [m].
+    """Return the places along the line at which cells of an ALE belt begin, and its length [m].
 
     Of each its share of its wrap is the same wherever the axes are.
     """
@@ -264,7 +265,7 @@ def follow(
 
     Args:
         params: The drive.
-        force: Of the cells (n_t, n_b) [N].
+        force: Force of the cells (n_t, n_b) [N].
         passed: Stress-free length that has passed (n_t,) [m].
         cell: The cell.
         at: The sample.
@@ -289,7 +290,7 @@ def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
     Args:
         params: The drive.
         belt: ``flow`` of an ALE belt, else ``phi``, ``vx``, ``vy``.
-        force: Of the joints (n_t, n_b) [N].
+        force: Force of the joints (n_t, n_b) [N].
     """
     if params._belt_facts["flows"]:
         return belt.flow
@@ -300,7 +301,7 @@ def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
 def momentum_flux(
     params: Params, flow: Array, force: Array, spans: Array, travel: Array | None
 ) -> Array:
-    """Return what the belt's change of momentum takes off the hub loads (n_t, n_p, 2) [N].
+    """Return the part of the hub loads that turns the belt's momentum (n_t, n_p, 2) [N].
 
     ``m c (v_1 d_1 + v_2 d_2)`` with the flow c, the stress-free length that passes in a second, and
     the speeds v = c (1 + T / EA) of the spans beside a pulley, whose directions away from it are d.
@@ -308,9 +309,9 @@ def momentum_flux(
     Args:
         params: The drive.
         flow: Stress-free length that passes in a second (n_t,) [m/s].
-        force: Of the joints (n_t, n_b) [N].
+        force: Force of the joints (n_t, n_b) [N].
         spans: Tensions of the spans (n_t, n_p) [N]; NaN: the mean of all joints is taken.
-        travel: Of the mounts (n_t, n_m), None: of a drive without.
+        travel: Travels of the mounts (n_t, n_m), None: of a drive without.
     """
     stiffness = params.belt.axial_stiffness
     tension = np.where(np.isnan(spans), force.mean(axis=1)[:, None], spans)

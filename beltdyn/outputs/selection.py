@@ -1,4 +1,4 @@
-"""Outputs on demand: the names of what a run is to compute and keep, and what follows from them.
+"""Outputs on demand: the names of what a run computes and keeps.
 
 A warning of full slip needs ``contact.pulley``, ``.normal``, ``.friction``, ``.velocity`` and
 ``pulleys.torque``; of a slack span "span_tension" or both "joints.force" and "contact.pulley"; of
@@ -52,7 +52,7 @@ _OF_SPANS = ("contact.pulley", "joints.force")
 
 
 def array_names() -> dict[str, tuple[str, ...]]:
-    """Return what may be asked for, by group: the names of its arrays, as "joints.force"."""
+    """Return the outputs that can be asked for by group, as "joints.force"."""
     groups = {
         group: tuple(f"{group}.{name}" for name in kind.array_names())
         for group, kind in GROUPS.items()
@@ -61,7 +61,7 @@ def array_names() -> dict[str, tuple[str, ...]]:
 
 
 def chosen(outputs: object, ledger: bool, lacks: Collection[str] = ()) -> tuple[str, ...] | None:
-    """Check the outputs asked for; give their names in the order of the table, None: all.
+    """Check the outputs asked for and return their names in the order of the table; None: all.
 
     Args:
         outputs: Names of groups and arrays, or None.
@@ -96,13 +96,13 @@ def chosen(outputs: object, ledger: bool, lacks: Collection[str] = ()) -> tuple[
 
 
 def lacking(params: Any) -> frozenset[str]:
-    """Return the outputs, as "contact.slip", that the belt of a drive has none of."""
+    """Return the outputs, as "contact.slip", that the belt of a drive does not have."""
     sizes = params._belt_facts["lacks"]
     return frozenset(f"{group}.{name}" for group, name, size in ROWS if size in sizes)
 
 
 def of_belt(names: Collection[str] | None, params: Any) -> tuple[str, ...] | None:
-    """Leave out what the belt of a drive lacks; None stands for all that it has."""
+    """Leave out outputs that the belt of a drive lacks; None stands for all that it has."""
     lacks = lacking(params)
     return None if names is None else tuple(name for name in names if name not in lacks)
 
@@ -117,14 +117,14 @@ def _listed() -> str:
 
 
 def has(names: Collection[str] | None, name: str) -> bool:
-    """Return whether an output is there, of a run of which ``names`` were asked."""
+    """Return whether an output is among the ``names`` asked of a run."""
     if names is None or name in names:
         return True
     return name == SPANS and all(one in names for one in _OF_SPANS)
 
 
 def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
-    """Return the names that the core is asked for."""
+    """Return the names to ask the core for."""
     if names is None:
         every = {"pulley", *(name for name, *_ in _core.OUTPUTS)}
         needed = every if ledger else every - {LEDGER}
@@ -138,7 +138,7 @@ def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
 def unchecked(
     names: Collection[str] | None, friction: bool, couplings: bool = False
 ) -> tuple[str, ...]:
-    """Return the codes of warnings that are not looked for, for want of outputs.
+    """Return the codes of warnings that cannot be looked for without some outputs.
 
     ``friction``, ``couplings``: whether the drive has any; kinds of warnings concern these drives.
     """

@@ -71,7 +71,7 @@ class Coordinates(NamedTuple):
 
 
 def coordinates(params: Params, belt: Line, rows: slice) -> Coordinates:
-    """Return those of some samples; phi is not asked for where no place depends on it."""
+    """Return the coordinates at some samples; phi only where places depend on it."""
     x, y = belt.x[rows], belt.y[rows]
     return Coordinates(x, y, belt.phi[rows] if has_angles(params) else np.zeros_like(x))
 
@@ -106,8 +106,8 @@ def lines_of_cells(
     Args:
         params: The drive.
         points: Where the cells begin (n_b, 2) [m].
-        axes: Of the pulleys (n_p, 2) [m].
-        deflection: Of the sine modes (n_p, K) [m]; None: not known, spans are straight.
+        axes: Axes of the pulleys (n_p, 2) [m].
+        deflection: Amplitudes of the sine modes (n_p, K) [m]; None: not known, spans are straight.
     """
     ends, found, span = np.roll(points, -1, axis=0), [], 0
     share = np.linspace(0.0, 1.0, _POINTS)[:, None]

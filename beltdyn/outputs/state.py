@@ -37,7 +37,7 @@ PARTS = tuple(size for size in _FIRST if size not in ("PULLEYS", *ROWS))
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-    """Return every field its converter, and check arrays against the size of x or theta."""
+    """Set the converter of every field, and check arrays against the size of x or theta."""
 
     def array(name: str) -> dict[str, Any]:
         like = _FIRST[SIZES[name]]
@@ -78,10 +78,10 @@ def saved_shape(size: str, value: Any) -> tuple[int, ...]:
 
 
 def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
-    """Check the speeds of pulleys that a belt runs with; give them, and the speed of their rims.
+    """Check the speeds of pulleys that a belt runs with; return them and the speed of their rims.
 
     Args:
-        name: What the messages call them.
+        name: Their name in messages.
         params: The drive.
         omega: Speeds of one or several pulleys, by index or name [rad/s].
 
@@ -160,9 +160,9 @@ class State:
         vx: Velocities of the mass centres (n_b,) [m/s].
         vy: The same.
         vphi: Angular velocities of the links (n_b,) [rad/s].
-        m: Of an ALE belt (``Belt(mesh="ale")``) the stress-free length of belt in each cell (n_b,)
-            [m]; along the belt: the span behind pulley 0, the arc of pulley 1, and so on. Links
-            have none, nor the ALE belt x to vphi, which are empty then.
+        m: For an ALE belt (``Belt(mesh="ale")``) the stress-free length of belt in each cell (n_b,)
+            [m], in the order of the belt: the span behind pulley 0, the arc of pulley 1, and so on.
+            Empty for links, as ``x`` to ``vphi`` are for an ALE belt.
         v: Speed of the belt where each cell begins (n_b,) [m/s], along its numbering.
         mu: States of the friction law (n_b,), 0 off the pulleys: the friction coefficient [1] of
             Dahl's law (2.9), its part that the bristles carry of LuGre, the spring's stretch [m]
@@ -172,18 +172,19 @@ class State:
         slip: Slip displacements since contact began (n_b,) [m]; with such spans (2, n_b) or more.
         theta: Angles of the pulleys (n_p,) [rad].
         omega: Angular velocities of the pulleys (n_p,) [rad/s].
-        travel: Travels of the mounts (n_m,) [rad or m]: of an arm its angle, of a slider its
-            way, of a path the time [s]; empty without mounts.
+        travel: Travels of the mounts (n_m,) [rad or m]: angle of an arm, distance of a slider, time
+            of a path [s]; empty without mounts.
         travel_speed: Their rates (n_m,) [rad/s or m/s].
         mount_friction: Share of a mount's friction that acts (n_m,) [1], within +-1.
-        rim_angle: Angles of the rims beyond couplings (n_c,) [rad], in the order of
-            ``params.coupled``, of torsional dampers of their rings; empty without. ``theta`` and
-            ``omega`` are then those of the hubs.
+        rim_angle: Angles of the rims of couplings, or of the rings of torsional dampers (n_c,)
+            [rad], in the order of ``params.coupled``; empty without. ``theta`` and ``omega`` are
+            then those of the hubs.
         rim_speed: Their angular velocities (n_c,) [rad/s].
-        windup: Windup of the couplings (n_c,) [rad]: of rim against hub, of a clutch in the sense
-            in which it drives and never negative.
-        a: Of an ALE belt the sine modes of its spans (n_p n,) [m], n after n of a span; empty else.
-        p: Their velocities [m/s], those of the axes included.
+        windup: Windup of the couplings (n_c,) [rad]: rim against hub; for a clutch in the sense in
+            which it drives, never negative.
+        a: For an ALE belt, amplitudes of the sine modes of its spans (n_p n,) [m], span after span;
+            empty otherwise.
+        p: Their velocities, with those of the axes [m/s].
         t: Time [s].
         residual: After settling, the largest unbalanced force over the mean tension; else None.
 
@@ -217,7 +218,7 @@ class State:
 
     @property
     def n_bodies(self) -> int:
-        """Number of links, n_b; of an ALE belt of cells."""
+        """Number of links, n_b; of cells for an ALE belt."""
         return max(self.x.size, self.m.size)
 
     @property

@@ -76,7 +76,7 @@ def pulley_lines(
     ax: Axes | None,
     given: dict[str, Any],
 ) -> tuple[Axes, list[int]]:
-    """Draw a line for each pulley asked for, of values (n_t, n_p) over time; give which these are.
+    """Draw a line for each pulley asked for, of values (n_t, n_p) over time; return their indices.
 
     Labels and the legend are left to the caller.
     """

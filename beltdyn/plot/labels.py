@@ -184,7 +184,7 @@ def _placed(
 
 
 def _astray(k: int, at: Array, rims: Array, box: Bbox, line: Array) -> int:
-    """Whether a name may be taken for another's: 1 for a nearer pulley, 1 for a belt between."""
+    """Count ambiguities of a name: 1 for a nearer pulley, 1 for a belt between."""
     gaps = np.where(rims > 0.0, np.hypot(*(np.clip(at, box.min, box.max) - at).T) - rims, np.inf)
     to = np.clip(at[k], box.min, box.max) - at[k]
     length = float(np.hypot(*to))

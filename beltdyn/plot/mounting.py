@@ -1,4 +1,4 @@
-"""Arms, sliders and paths of pulleys as they are drawn, and their travel over time."""
+"""Drawings of arms, sliders and paths, and their travel over time."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _drawn(pulleys: Iterable[Pulley]) -> list[tuple[int, str, Array]]:
 
 
 class MountPicture:
-    """The artists of the mounts of a drive: what stands still is drawn once, arms are moved.
+    """The artists of the mounts of a drive: fixed parts are drawn once, arms are moved.
 
     Args:
         ax: Where to draw.
@@ -57,7 +57,7 @@ class MountPicture:
                 ax.plot(*points.T, color="0.35", **_STYLES[part])
 
     def move(self, centers: Array) -> list[Artist]:
-        """Put the arms where the axes (n_p, 2) are; give the artists that changed."""
+        """Move the arms to the axes (n_p, 2); return the artists that changed."""
         for k, pivot, bar in self._bars:
             bar.set_data([pivot[0], centers[k, 0]], [pivot[1], centers[k, 1]])
         return [bar for _, _, bar in self._bars]

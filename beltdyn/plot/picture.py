@@ -250,7 +250,7 @@ class DrivePicture:
     # --- moving ----------------------------------------------------------------------------------
 
     def move(self, row: int) -> list[Artist]:
-        """Show another sample; give the artists that changed."""
+        """Show another sample; return the artists that changed."""
         result = self._result
         ends = self._ends(row)
         self._belt.set_segments(ends)

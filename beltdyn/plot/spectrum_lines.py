@@ -299,11 +299,7 @@ def _entries(modes: Any) -> list[Any]:
 
 
 def _check_speeds(result: Result, found: Spectrogram, pulley: int) -> None:
-    """Refuse a run in which there are not several speeds of the pulley to draw over.
-
-    Raises:
-        ValueError: It says why: the pulley stands still, turns steadily, or samples are few.
-    """
+    """Raise ValueError where a run has too few speeds of the pulley to draw over."""
     name = result.params.label(pulley)
     omega = np.abs(result.pulleys.omega[:, pulley])
     turns = float(np.trapezoid(omega, result.t)) / (2.0 * np.pi)
@@ -358,7 +354,7 @@ def _order(ax: Axes, speed: Array, frequency: Array, label: str, high: float) ->
 
 
 def _passing(ax: Axes, found: Spectrogram, speed: Array, high: float) -> list[Line2D]:
-    """Draw the lines of belt and link passing; give what the legend says of them."""
+    """Draw the lines of belt and link passing; return their legend entries."""
     turning = found.speed > 0.05 * found.speed.max()
     ratio = float(np.mean(found.belt[turning] / found.speed[turning]))
     if not np.isfinite(ratio):
@@ -384,7 +380,7 @@ def _passing(ax: Axes, found: Spectrogram, speed: Array, high: float) -> list[Li
 
 
 def _modes(ax: Axes, entries: list[Any], rpm: Array, pulley: int, high: float) -> list[Line2D]:
-    """Draw natural frequencies over speed; give what the legend says if any is in the picture."""
+    """Draw natural frequencies over speed; return a legend entry if any is in the picture."""
     if not entries:
         return []
     look: dict[str, Any] = {"color": style.COLOURS[3], "lw": 1.1, "ls": "-"}

@@ -67,7 +67,7 @@ class OwnFigure(Figure):
         self._frozen = True
 
     def get_layout_engine(self) -> LayoutEngine | None:
-        """Return what lays out the figure, None once that is done."""
+        """Return the layout engine of the figure, None once it has run."""
         return None if self._frozen else super().get_layout_engine()
 
     def _repr_png_(self) -> bytes:
@@ -88,7 +88,7 @@ def plain(name: str) -> str:
 
 
 def title(k: int, pulley: Pulley) -> str:
-    """Return what stands on a pulley in a picture: its name, a word a line, or its number."""
+    """Return the label of a pulley in a picture: its name, a word a line, or its number."""
     return str(k) if pulley.name is None else plain(pulley.name).replace(" ", "\n")
 
 

@@ -42,7 +42,7 @@ def map(
     row or column.
 
     Args:
-        dataset: What ``bd.sweep`` gives.
+        dataset: The result of ``bd.sweep``.
         quantity: Name of a variable of numbers in it.
         x: Name along the x axis; None: the first that is left, of two.
         y: Along the y axis; None: the other.
@@ -127,7 +127,7 @@ def _example(part: Any, name: str) -> str:
 def _cells(
     ax: Axes, part: Any, quantity: str, scales: list[swept.Scale], given: dict[str, Any]
 ) -> list[Artist]:
-    """Draw a grid; give the handles of the legend."""
+    """Draw a grid; return the handles of the legend."""
     x, y = scales
     values = _sorted(part[quantity], scales)
     edges = x.edges(), y.edges()
@@ -165,7 +165,7 @@ def _sorted(array: Any, scales: list[swept.Scale]) -> Any:
 def _points(
     ax: Axes, part: Any, quantity: str, scales: list[swept.Scale], given: dict[str, Any]
 ) -> list[Artist]:
-    """Draw runs as points; give the handles of the legend."""
+    """Draw runs as points; return the handles of the legend."""
     at = [scale.places() for scale in scales]
     values = part[quantity].values
     good = np.isfinite(values)

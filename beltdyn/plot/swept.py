@@ -1,4 +1,4 @@
-"""What pictures of sweeps share: checks, choice of a part, axes of swept values, failed runs."""
+"""Shared parts of pictures of sweeps: checks, selection, axes of swept values, failed runs."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _OF_RUNS = ("status", "message", "warnings")
 
 
 def check(dataset: object, quantity: object) -> Any:
-    """Check a sweep and the name of a quantity in it; give the quantity's array.
+    """Check a sweep and the name of a quantity in it; return the quantity's array.
 
     Raises:
         TypeError: No Dataset, no name.
@@ -77,7 +77,7 @@ def check(dataset: object, quantity: object) -> Any:
 
 
 def swept_names(dataset: Any) -> list[str]:
-    """Return the names that were swept: dimensions of a grid, of others coordinates of the runs."""
+    """Return the swept names: dimensions of a grid, else coordinates of the runs."""
     dims = [str(dim) for dim in dataset["status"].dims]
     if dims == ["run"]:
         along = [name for name, one in dataset.coords.items() if one.dims == ("run",)]
@@ -145,7 +145,7 @@ def _index(part: Any, name: str, value: Any) -> int:
 
 
 def label(array: Any) -> str:
-    """Return what stands at an axis: the text of the array, or its name, and the unit."""
+    """Return the label of an axis: the text of the array, or its name, and the unit."""
     unit = str(array.attrs.get("units", ""))
     return _word(array) + (f" [{style.plain(unit)}]" if unit else "")
 
@@ -173,7 +173,7 @@ class Scale:
     """Values along an axis, in rising order.
 
     Attributes:
-        name: Of the coordinate.
+        name: Name of the coordinate.
         label: What stands at the axis.
         values: Places (n,); of texts their numbers.
         order: Indices that bring the coordinate into this order (n,).

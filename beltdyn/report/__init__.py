@@ -1,4 +1,4 @@
-"""What an engineer reads off a run: a report in units, by name, with what could not be told.
+"""Reports: what an engineer reads off a run, in units and by name.
 
 ``result.report()`` makes it (:class:`Report`). Each part is a module: ``window`` (which samples,
 and whether they are steady), ``touching`` (where belt and pulleys touch), ``pulleys``, ``hubs``

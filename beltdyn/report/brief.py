@@ -20,7 +20,7 @@ from .digits import (
     placed,
     within,
 )
-from .rows import PulleyRow, SpanRow, Told
+from .rows import PulleyRow, ReportData, SpanRow
 from .text import (
     _NOTHING,
     _STILL,
@@ -37,11 +37,11 @@ __all__ = ["html", "lines"]
 _WIDTH, _HEIGHT = 100, 39
 #: Rows that a table has in any case.
 _LEAST = 2
-#: Losses told one by one, largest first; smaller parts of what is put in are left out.
+#: Losses listed one by one, largest first; smaller shares of the input power are left out.
 _LOSSES, _SMALL = 3, 1e-3
 
 
-def lines(report: Told) -> list[str]:
+def lines(report: ReportData) -> list[str]:
     """Return the lines of the first screen: at most 39, none longer than 100 characters."""
     above = [one for told in opening(report) for one in _wrapped(told)]
     below = ["", *(one for told in _closing(report) for one in _wrapped(told))]
@@ -56,8 +56,8 @@ def lines(report: Told) -> list[str]:
     return [*above, *below]
 
 
-def html(report: Told) -> str:
-    """Return the first screen as HTML, and all of the report behind a word that opens it."""
+def html(report: ReportData) -> str:
+    """Return the first screen as HTML, with the full report in a section that opens."""
     parts = [
         *paragraphs(opening(report)),
         *text.of_tables(_tables(report)),
@@ -76,7 +76,7 @@ def _remarks(table: Table) -> list[str]:
 
 
 def _height(table: Table, most: int) -> int:
-    """Count the lines of so many rows, and the one that says that there are more."""
+    """Count the lines of so many rows, with the one that says that there are more."""
     return len(table.rows) if len(table.rows) <= most else most + 1
 
 
@@ -91,8 +91,8 @@ def _columns(table: Table, most: int) -> list[str]:
     return found + ([f"  ... and {left} more"] if left > 0 else [])
 
 
-def _tables(report: Told) -> Iterator[Table]:
-    """Yield the tables of pulleys, spans and mounts, without columns that say nothing."""
+def _tables(report: ReportData) -> Iterator[Table]:
+    """Yield the tables of pulleys, spans and mounts, without empty columns."""
     for table in (_pulleys(report), _spans(report), _mounts(report)):
         kept = [
             k
@@ -104,7 +104,7 @@ def _tables(report: Told) -> Iterator[Table]:
             yield table._replace(heading=heading, rows=rows)
 
 
-def _pulleys(report: Told) -> Table:
+def _pulleys(report: ReportData) -> Table:
     largest = max((abs(one.power.mean) for one in report.pulleys if one.power), default=0.0)
     rows = [_pulley(report, row, largest) for row in report.pulleys]
     heading = (
@@ -130,7 +130,7 @@ def _pulleys(report: Told) -> Table:
     return Table("Pulleys", heading, rows, remarks + couplings(report))
 
 
-def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
+def _pulley(report: ReportData, row: PulleyRow, largest: float) -> tuple[str, ...]:
     creep = next((one for one in report.creep if one.name == row.name), None)
     power = _without(row.power, _NOTHING * largest)
     load, _, most = of_tension(report, row.hub_load, 2.0)
@@ -149,13 +149,13 @@ def _pulley(report: Told, row: PulleyRow, largest: float) -> tuple[str, ...]:
     )
 
 
-def _of_creep(report: Told) -> float | None:
-    """Return the error of the speeds lost, which is relative to the largest [%]."""
+def _of_creep(report: ReportData) -> float | None:
+    """Return the error of the speeds lost, relative to the largest [%]."""
     largest = max((abs(one.slower) for one in report.creep), default=0.0)
     return report.creep_error and 100.0 * largest * report.creep_error
 
 
-def _spans(report: Told) -> Table:
+def _spans(report: ReportData) -> Table:
     rows = []
     for row in report.spans:
         mean, least, most = of_tension(report, row.tension)
@@ -197,13 +197,13 @@ def _doubt(row: SpanRow) -> str:
     return " ?" if row.link_passing is None and row.frequency is not None else ""
 
 
-def _of_run(report: Told, row: SpanRow) -> tuple[str, str]:
+def _of_run(report: ReportData, row: SpanRow) -> tuple[str, str]:
     return (
         (NONE, NONE) if row.of_run is None else of_tension(report, row.tension, ends=row.of_run)[1:]
     )
 
 
-def _mounts(report: Told) -> Table:
+def _mounts(report: ReportData) -> Table:
     rows = []
     for row in report.mounts:
         scale, way = KINDS[row.kind].shown
@@ -216,8 +216,8 @@ def _mounts(report: Told) -> Table:
     return Table("Mounts", heading, rows)
 
 
-def _closing(report: Told) -> Iterator[str]:
-    """Describe in a sentence each: slip, power, errors, warnings, what else there is."""
+def _closing(report: ReportData) -> Iterator[str]:
+    """Yield a sentence each on slip, power, errors, warnings and what else there is."""
     yield from (f"Slip: {one}" for one in text.slips(report))
     if report.powers:
         yield f"Power: {_balance(report)}."
@@ -237,7 +237,7 @@ def _closing(report: Told) -> Iterator[str]:
     )
 
 
-def _balance(report: Told) -> str:
+def _balance(report: ReportData) -> str:
     def total(kind: str) -> float:
         return sum(one.power for one in report.powers if one.kind == kind)
 
@@ -268,13 +268,13 @@ def _balance(report: Told) -> str:
 
 
 def _unit(put_in: float, error: float | None) -> float:
-    """Return the place to which what is put in is shown: half of it is lost at either end."""
+    """Return the decimal place to which the input power is shown."""
     shown, places = rounded(put_in, error and error * put_in)
     return 10.0 ** (math.floor(math.log10(shown)) + 1 - places)
 
 
-def _named(report: Told) -> list[str]:
-    """Name each warning once, with how many pulleys or spans it is of."""
+def _named(report: ReportData) -> list[str]:
+    """Name each warning once, with the number of pulleys or spans concerned."""
     codes = [one.code for one in report.warnings]
     return [
         f"{code} ({codes.count(code)})"

@@ -34,13 +34,13 @@ __all__ = ["creep_rows", "driving", "least_speed"]
 
 #: Share of the highest speed of its rim below which a belt stands still; so it does below the speed
 #: that errors of speeds leave, ``info["drag_speed"]``.
-STANDS = 1e-3
+STANDSTILL_SPEED = 1e-3
 #: A pulley that loses more than this does not creep but slips; elastic creep is at most the strain.
 SLIPS = 0.3
 
 
 class _Of(NamedTuple):
-    """What goes into the speed of a pulley: stretch, 1 - f / (c lambda), R / r."""
+    """Factors of the speed of a pulley: stretch, 1 - f / (c lambda), R / r."""
 
     stretch: float
     friction: float
@@ -51,7 +51,7 @@ def least_speed(window: Window) -> float:
     """Return the speed of the belt below which it stands still [m/s]."""
     radii = np.array([pulley.radius for pulley in window.params.pulleys])
     most = float(np.max(np.abs(window.run.pulleys.omega) * radii, initial=0.0))
-    return max(STANDS * most, float(window.params.info["drag_speed"]))
+    return max(STANDSTILL_SPEED * most, float(window.params.info["drag_speed"]))
 
 
 def driving(window: Window, torque: Array | None) -> int | None:

@@ -17,8 +17,8 @@ __all__ = ["cycle_rows", "rainflow"]
 
 #: Classes of ranges in a report.
 CLASSES = 8
-#: Of the tension at rest: cycles below it are rounding.
-FAINT = 1e-6
+#: Share of the tension at rest: cycles below it are rounding.
+NEGLIGIBLE_RANGE = 1e-6
 
 
 def rainflow(values: ArrayLike) -> list[Cycle]:
@@ -64,7 +64,7 @@ def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
 
     Args:
         window: The part of the run.
-        driver: The driving pulley, whose rim tells how far the belt has gone.
+        driver: The driving pulley, whose rim measures how far the belt has gone.
         joint: The joint; of cells the belt that is in the middle of this one at the end.
     """
     run, flows = window.run, window.params._belt_facts["flows"]
@@ -93,7 +93,7 @@ def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
     if rounds is None or rounds < 1.0:
         part = "the belt stands still" if rounds is None else f"the run holds {rounds:.2g} rounds"
         notes.append(f"load cycles of a whole round: {part}, so not every pulley is in them")
-    faint = FAINT * float(window.params.info["strain_tension"])
+    faint = NEGLIGIBLE_RANGE * float(window.params.info["strain_tension"])
     kept = [one for one in cycles if one.range > faint]
     return Counted(_classes(kept), begin, rounds, notes)
 

@@ -1,4 +1,4 @@
-"""How many digits a report prints of a number: those that its error leaves."""
+"""Digits that a report prints of a number: as many as its error allows."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..base.checks import Array
 from ..base.rounding import rounded
 from ..drive.mounts import KINDS
 from ..outputs.accuracy_report import Accuracy
-from .rows import RESIDUAL, Creep, MountRow, PulleyRow, SpanRow, Spread, Told
+from .rows import RESIDUAL, Creep, MountRow, PulleyRow, ReportData, SpanRow, Spread
 
 __all__ = [
     "NONE",
@@ -56,7 +56,7 @@ ROUNDING = 1e-9
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return a number with that many digits, none as an exponent where it can be read without."""
+    """Return a number with that many digits, without an exponent where it reads as well."""
     if value is None or math.isnan(value):
         return NONE
     if math.isinf(value):
@@ -71,7 +71,7 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def within(value: float | None, error: float | None, digits: int = 4) -> str:
-    """Return a number with the digits that its error leaves it, at most so many."""
+    """Return a number with as many digits as its error allows, at most so many."""
     if value is None or not math.isfinite(value):
         return number(value)
     return signed(number(*rounded(value, error, digits)))
@@ -102,12 +102,12 @@ def placed(
     ends: Spread | None = None,
     size: float | None = None,
 ) -> tuple[str, str, str]:
-    """Return mean, least and most, all to the place that an error leaves.
+    """Return mean, least and most, all rounded to the place that the error allows.
 
     Args:
-        value: What is told.
+        value: The quantity.
         share: The error over the size [1]; None: not known.
-        scale: What all of it is multiplied with.
+        scale: Factor of all of it.
         ends: Least and most, if others than its own.
         size: What errs by that share, in the unit of the value; None: the largest of the three.
     """
@@ -133,7 +133,7 @@ def between(ends: Sequence[str]) -> str:
     return NONE if NONE in ends else " to ".join(ends)
 
 
-def tension_off(report: Told) -> float | None:
+def tension_off(report: ReportData) -> float | None:
     """Return the error of mean tensions, a share of the mean of all spans [N]; None: not known."""
     means = [row.tension.mean for row in report.spans if row.tension is not None]
     means = [one for one in means if math.isfinite(one)]  # of a span that is there
@@ -143,9 +143,9 @@ def tension_off(report: Told) -> float | None:
 
 
 def of_tension(
-    report: Told, value: Spread | None, spans: float = 1.0, ends: Spread | None = None
+    report: ReportData, value: Spread | None, spans: float = 1.0, ends: Spread | None = None
 ) -> tuple[str, str, str]:
-    """Return mean, least and most of so many spans' tensions.
+    """Return mean, least and most of the tensions of so many spans.
 
     All have the place that the error leaves the mean, so that this is not beyond its own ends.
     """
@@ -166,7 +166,7 @@ def speed_errors(accuracy: Accuracy, speeds: Array, prescribed: NDArray[np.bool_
 
 
 def _of_loads(accuracy: Accuracy) -> float:
-    """Return the error of speeds and torques that loads and losses decide, a share of each [1].
+    """Return the relative error of speeds and torques that follow from loads and losses [1].
 
     What is lost on the way of the power shifts the speed at which loads balance, and the torque
     that a prescribed speed needs.
@@ -175,47 +175,47 @@ def _of_loads(accuracy: Accuracy) -> float:
 
 
 def given(value: Spread | None) -> bool:
-    """Return what is set, a constant torque: a result of links varies by more."""
+    """Return whether a torque is set and constant: one that links transmit varies by more."""
     return value is not None and value.most - value.least <= ROUNDING * abs(value.mean)
 
 
-def of_speed(report: Told, row: PulleyRow) -> float:
-    """Return the error of a pulley's speed [1]: beside a prescribed one at most what it loses."""
+def of_speed(report: ReportData, row: PulleyRow) -> float:
+    """Return the error of a pulley's speed [1]; beside a prescribed one, at most its creep."""
     if row.prescribed:
         return 0.0
     slower = [abs(one.slower) for one in report.creep if one.name == row.name]
     return slower[0] if slower and _led(report) else _of_loads(report.accuracy)
 
 
-def _led(report: Told) -> bool:
+def _led(report: ReportData) -> bool:
     """Return whether the speed of the driving pulley is prescribed."""
     return any(row.prescribed for row in report.pulleys if row.name == report.driver)
 
 
-def torque(report: Told, row: PulleyRow) -> tuple[str, str, str]:
+def torque(report: ReportData, row: PulleyRow) -> tuple[str, str, str]:
     """Return mean, least and most of the torque that is set, or that a speed needs."""
     return placed(row.torque, 0.0 if given(row.torque) else _of_loads(report.accuracy))
 
 
-def windup(report: Told, row: PulleyRow) -> tuple[str, str, str]:
+def windup(report: ReportData, row: PulleyRow) -> tuple[str, str, str]:
     """Return mean, least and greatest windup of a coupling [deg], with the error of its torque."""
     return placed(row.windup, _of_loads(report.accuracy), math.degrees(1.0))
 
 
-def belt_torque(report: Told, row: PulleyRow) -> str:
-    """Return the torque of the belt on a pulley, of an idler too with the error of the largest."""
+def belt_torque(report: ReportData, row: PulleyRow) -> str:
+    """Return the torque of the belt on a pulley, with the error of the largest of all."""
     largest = max((abs(one.belt_torque or 0.0) for one in report.pulleys), default=0.0)
     return within(row.belt_torque, _of_loads(report.accuracy) * largest)
 
 
-def belt_speed(report: Told) -> str:
-    """Return the size of the belt's speed, off by a creep from one that is given."""
+def belt_speed(report: ReportData) -> str:
+    """Return the belt's speed; its error is that of creep where a speed is prescribed."""
     speed, share = abs(report.belt_speed or 0.0), _of_loads(report.accuracy)
     return within(speed, speed * (min(share, CREEPS) if _led(report) else share))
 
 
-def of_grip(report: Told) -> float | None:
-    """Return the error of what friction can hold, of tensions less rho v^2 [1]; None: not known."""
+def of_grip(report: ReportData) -> float | None:
+    """Return the error of the friction limit [1], from tensions less rho v^2; None: not known."""
     off = tension_off(report)
     pulls = [one for row in report.pulleys for one in (row.tight, row.slack) if one is not None]
     if off is None or not pulls or not sum(pulls) > 0.0:
@@ -223,8 +223,8 @@ def of_grip(report: Told) -> float | None:
     return off * len(pulls) / sum(pulls)
 
 
-def margin(report: Told, value: float | None) -> str:
-    """Return a margin of torque, which is in error as what friction can hold: to two decimals."""
+def margin(report: ReportData, value: float | None) -> str:
+    """Return a margin of torque, with the error of the friction limit, to two decimals."""
     if value is None or not math.isfinite(value):
         return NONE if value is None else "later"
     if not value > 0.0:
@@ -233,21 +233,21 @@ def margin(report: Told, value: float | None) -> str:
     return within(value, share and share * value, max(1, 3 + math.floor(math.log10(value))))
 
 
-def ratio(report: Told, row: PulleyRow) -> str:
+def ratio(report: ReportData, row: PulleyRow) -> str:
     """Return a ratio of tensions."""
     return within(row.ratio, _of_ratio(report, row), 3)
 
 
-def _of_ratio(report: Told, row: PulleyRow) -> float | None:
-    """Return the error of a ratio of tensions that are off by the same; None: not known."""
+def _of_ratio(report: ReportData, row: PulleyRow) -> float | None:
+    """Return the error of a ratio of tensions with equal errors; None: not known."""
     off = tension_off(report)
     if row.ratio is None or off is None or not row.slack:
         return None
     return off * abs(row.ratio - 1.0) / row.slack
 
 
-def used(report: Told, row: PulleyRow) -> tuple[str, str, str]:
-    """Return the friction in use, the logarithm of a ratio, in percent, and its least and most.
+def used(report: ReportData, row: PulleyRow) -> tuple[str, str, str]:
+    """Return the friction in use in percent, from the logarithm of a ratio, with its range.
 
     The most of it is "slack" where it is infinite.
     """
@@ -259,8 +259,8 @@ def used(report: Told, row: PulleyRow) -> tuple[str, str, str]:
     return told[0], told[1], told[2].replace("none", "slack")
 
 
-def string_frequency(report: Told, row: SpanRow, digits: int = 4) -> str:
-    """Return the frequency of a span as a moving string: the root of its tension less rho v^2."""
+def string_frequency(report: ReportData, row: SpanRow, digits: int = 4) -> str:
+    """Return the frequency of a span as a moving string."""
     off = tension_off(report)
     if row.lateral is None or row.tension is None or off is None:
         return number(row.lateral, 2)
@@ -268,16 +268,16 @@ def string_frequency(report: Told, row: SpanRow, digits: int = 4) -> str:
     return within(row.lateral, 0.5 * row.lateral * off / pull if pull > 0.0 else None, digits)
 
 
-def line_frequency(report: Told, row: SpanRow | MountRow) -> str:
-    """Return the frequency of a line, of what swings under the belt's tension."""
+def line_frequency(report: ReportData, row: SpanRow | MountRow) -> str:
+    """Return the frequency of a line of something that swings under the belt's tension."""
     share = report.tension_error
     if row.frequency is None:
         return NONE
     return within(row.frequency, share and 0.5 * share * row.frequency, 3)
 
 
-def power(report: Told, value: Spread | None) -> str:
-    """Return a pulley's power, whose error is a share of the largest."""
+def power(report: ReportData, value: Spread | None) -> str:
+    """Return a pulley's power; its error is relative to the largest."""
     if value is None or not value.mean:
         return number(None if value is None else value.mean)
     largest = max(abs(row.power.mean) for row in report.pulleys if row.power is not None)
@@ -285,13 +285,13 @@ def power(report: Told, value: Spread | None) -> str:
     return within(value.mean, error and error * largest)
 
 
-def loss(report: Told, power: float, value: float | None = None) -> str:
-    """Return what is lost, in all or by one cause, which is off by no more than all of it.
+def loss(report: ReportData, power: float, value: float | None = None) -> str:
+    """Return a power loss, total or by one cause; its error is at most the loss.
 
     Args:
         report: The report.
-        power: What is lost [W].
-        value: What is told in its place, a share of what is put in.
+        power: The loss [W].
+        value: Number to print instead, a share of the input power.
     """
     put_in = sum(one.power for one in report.powers if one.kind == "in")
     value = power if value is None else value
@@ -299,8 +299,8 @@ def loss(report: Told, power: float, value: float | None = None) -> str:
     return within(value, share and share * put_in * abs(value / power))
 
 
-def lost(report: Told) -> tuple[str, bool]:
-    """Describe what is lost in all, and whether more than its error and what the ledger lacks.
+def lost(report: ReportData) -> tuple[str, bool]:
+    """Return the total loss, and whether it exceeds its error and the residual of the ledger.
 
     Friction gives back what it had stored where links stick; dampers give nothing back.
     """
@@ -314,14 +314,14 @@ def lost(report: Told) -> tuple[str, bool]:
     return f"{loss(report, power)} W lost", True
 
 
-def slip_torque(report: Told, row: PulleyRow) -> str:
+def slip_torque(report: ReportData, row: PulleyRow) -> str:
     """Return the torque at which a pulley slips in full."""
     share = of_grip(report)
     return within(row.slip_torque, share and share * abs(row.slip_torque or 0.0))
 
 
 def slip_arc(row: PulleyRow) -> tuple[str, str]:
-    """Return the arc of slip and its error in degrees, to tenths where that leaves them."""
+    """Return the arc of slip and its error in degrees, to tenths where the error allows."""
     if row.slip_arc is None or row.slip_error is None:
         return NONE, NONE
     arc, off = math.degrees(row.slip_arc), math.degrees(row.slip_error)
@@ -329,28 +329,28 @@ def slip_arc(row: PulleyRow) -> tuple[str, str]:
     return signed(f"{arc:.{places}f}"), f"{off:.{places}f}"
 
 
-def at_rest(report: Told) -> str:
-    """Return the mean tension at rest, which the mesh knows no worse than that of the run."""
+def at_rest(report: ReportData) -> str:
+    """Return the mean tension at rest; its error is at most that of the run."""
     share = report.tension_error
     return within(report.rest_tension, share and share * abs(report.rest_tension or 0.0))
 
 
-def history_off(report: Told) -> float | None:
+def history_off(report: ReportData) -> float | None:
     """Return the error of tensions over time [N]; None: not known."""
     off, share = tension_off(report), report.accuracy["tension"].known
     return off and share and off * share / (report.tension_error or share)
 
 
 def of_mount(
-    report: Told, row: MountRow, value: Spread | None, scale: float = 1.0
+    report: ReportData, row: MountRow, value: Spread | None, scale: float = 1.0
 ) -> tuple[str, str, str]:
-    """Return travels or forces of a mount, which the belt of two spans moves; paths are given."""
+    """Return travels or forces of a mount, with the error of two spans; paths are exact."""
     share = report.tension_error and 2.0 * report.tension_error
     return placed(value, share if KINDS[row.kind].moves else 0.0, scale)
 
 
-def speed_ratio(report: Told, row: Creep) -> str:
-    """Return the ratio of speeds: of a creep whose error is not known all may be wrong."""
+def speed_ratio(report: ReportData, row: Creep) -> str:
+    """Return the ratio of speeds; where the error of creep is not known, it may be all of it."""
     largest = max((abs(one.slower) for one in report.creep), default=0.0)
     lost = abs(row.slower) if report.creep_error is None else largest * report.creep_error
     return within(row.ratio, lost * abs(row.ratio))

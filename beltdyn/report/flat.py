@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import attrs
 
 from ..drive.mounts import KINDS
-from .rows import Creep, Cycle, MountRow, Power, PulleyRow, SpanRow, Spread, Told
+from .rows import Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
 __all__ = ["Number", "numbers", "quantities"]
 
 
 class Number(NamedTuple):
-    """A number or a text of a report, and what it is of: a row of ``Report.to_frame()``."""
+    """A number or a text of a report, with its name and unit: a row of ``Report.to_frame()``."""
 
     part: str
     name: str
@@ -88,7 +88,7 @@ _ROWS: dict[str, type] = {
 
 
 def quantities(part: str) -> list[str] | None:
-    """List the quantities that :func:`numbers` may give of a part; None if there is no such part.
+    """List the quantities that :func:`numbers` may have of a part; None if there is none.
 
     All of a quantity: its mean, and " least" and " most" of one that has a range.
     """
@@ -115,8 +115,8 @@ def _unit(row: Any, field: str) -> str:
     return _UNITS[type(row)].get(field, "1")
 
 
-def numbers(report: Told) -> list[Number]:
-    """Return all that is known, angles in rad: part, name, quantity, unit, value, text.
+def numbers(report: ReportData) -> list[Number]:
+    """Return all numbers and texts, angles in rad: part, name, quantity, unit, value, text.
 
     Of the run itself as part "report": its window, driver and belt speed, whether it is steady, the
     notes and warnings. A text has the value NaN; yes and no are 1 and 0, with the text.

@@ -1,4 +1,4 @@
-"""Hub loads as the spans pull: of the drive, without the forces of single links that land."""
+"""Hub loads from the pull of the spans, without the forces of single links that land."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def middles(window: Window) -> Array | None:
 
 
 def hub_statics(window: Window) -> Array | None:
-    """Return what the belt pulls at each pulley, from the middle of one span to that of the next.
+    """Return the force of the belt on each pulley, between the middles of its two spans.
 
     (T_1 - rho v^2) d_1 + (T_2 - rho v^2) d_2 by the tensions there and the directions of the belt
     line, at every sample, and the weight of that belt. The forces of contact, ``pulleys.load``,
@@ -75,7 +75,7 @@ def hub_statics(window: Window) -> Array | None:
 def with_hub_loads(
     window: Window, rows: list[PulleyRow], statics: Array | None, passing: float
 ) -> tuple[list[PulleyRow], list[str]]:
-    """Take the hub loads from the spans; say where they are those of the contact still.
+    """Take the hub loads from the spans; note where they are still those of the contact.
 
     Ranges are of running means over ``passing``, the time in which a link passes [s].
     """

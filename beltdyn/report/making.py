@@ -23,15 +23,15 @@ from .window import OF_ARCS, Run, Window, missing
 
 __all__ = ["creep_of", "make_report"]
 
-#: Share of the exponent mu wrap from which on it is said that bending takes it off.
+#: Share of the exponent mu wrap that bending takes off, from which on a report states it.
 NOTABLE = 0.01
-#: Turns of a pulley in the window below which it is said how many, and those of one that stands.
-FEW, STANDS = 5.0, 0.01
+#: Turns of a pulley in the window below which a report states them, and those of one that stands.
+MIN_TURNS, STANDSTILL_TURNS = 5.0, 0.01
 #: Power over the largest one of a pulley that only runs along.
 IDLE = 0.01
 
 
-#: What cannot be told without which outputs; frequencies, powers and cycles say it themselves.
+#: What needs which outputs; frequencies, powers and cycles name theirs themselves.
 _PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
     (("pulleys.omega",), "speeds, no creep, no margin to slip"),
     (("pulleys.torque",), "torques"),
@@ -136,7 +136,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
 
 
 def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
-    """Return the driving pulley and the speed that others lose against it, as a report has them.
+    """Return the driving pulley and the rows of creep of the others.
 
     Returns:
         "" and no rows if it cannot be told.
@@ -154,7 +154,7 @@ def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
 
 
 def _turns(window: Window) -> list[str]:
-    """Describe where the window holds so few turns of a pulley that means are of broken periods."""
+    """Describe where the window holds too few turns of a pulley for its means."""
     run = window.run
     if not run._has("pulleys.omega"):
         return []
@@ -163,7 +163,7 @@ def _turns(window: Window) -> list[str]:
         power = window.mean(np.abs(window.of(run.pulleys.torque) * window.of(run.pulleys.omega)))
         turns = np.where(power > IDLE * power.max(initial=0.0), turns, np.inf)
     slowest = int(np.argmin(turns))
-    if not STANDS < turns[slowest] < FEW:
+    if not STANDSTILL_TURNS < turns[slowest] < MIN_TURNS:
         return []
     return [
         f"the window holds {turns[slowest]:.2g} turns of {run.params.label(slowest)}: what changes "
@@ -172,7 +172,7 @@ def _turns(window: Window) -> list[str]:
 
 
 def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
-    """Return where the belt's bending stiffness, which limits and margins leave out, matters.
+    """Describe where the belt's bending stiffness, which limits and margins neglect, matters.
 
     The belt leaves the rim at an angle sqrt(EI/T)/r to its span. There it is pressed on the rim by
     as much as on the arc that this takes off, but pulled along the rim by the component of the
@@ -207,7 +207,7 @@ def _mass_tension(window: Window, touched: Touching) -> float:
 
 
 def _belt_speeds(window: Window, touched: Touching) -> Spread | None:
-    """Return the same with its range."""
+    """Return the speed of the belt with its range."""
     smooth = window.smoothed(touched.speeds[:, None], touched.passing(window))[:, 0]
     found = spread(window, smooth * touched.stretch.mean(axis=1))
     return None if found is None else attrs.evolve(found, mean=_belt_speed(window, touched))

@@ -49,8 +49,8 @@ class Steady:
 
     Attributes:
         params: The drive.
-        tension: Of the span after each pulley (n_p,) [N].
-        torque: Of the belt on each pulley, counter-clockwise (n_p,) [N m].
+        tension: Tension of the span after each pulley (n_p,) [N].
+        torque: Torque of the belt on each pulley, counter-clockwise (n_p,) [N m].
         speed: Stress-free length that passes in a second, in the order of the links [m/s].
         driver: The pulley whose speed is held.
         travel: Mean travels of the mounts (n_m,) [rad, m, s].
@@ -68,7 +68,7 @@ class Steady:
 
 @attrs.frozen(kw_only=True)
 class FullSlip:
-    """When a pulley slips in full: factor of all loads, its torque [N m], its tensions [N].
+    """Full slip of a pulley: factor of all loads, its torque [N m], its tensions [N].
 
     What else takes power, such as a belt that resists being bent, does not grow with the loads, so
     the torque of the driving pulley grows by less than the factor.
@@ -143,7 +143,7 @@ class _Theory:
         return tension, speed
 
     def _tightest(self, factor: float) -> float:
-        """Return a tension of the last span with which none is slack, to start from [N]."""
+        """Return a tension of the last span with which none is slack, as a start [N]."""
         steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
         mass = self.density * self.steady.speed**2
         spare = 0.02 * float(self.steady.tension.mean())
@@ -177,7 +177,7 @@ class _Theory:
         return np.array(misfit) - self.offset
 
     def _spring(self, m: int, mount: Sprung, travel: float) -> float:
-        """Return what spring and stops do to a mount, in the sense of its travel."""
+        """Return the force of spring and stops on a mount, in the sense of its travel."""
         force = mount.spring_force - mount.stiffness * travel
         if mount.stops is not None:
             lowest, highest = mount.stops
@@ -276,7 +276,7 @@ class _State:
 def full_slip(
     steady: Steady, pulleys: Sequence[int] | None = None, alone: bool = False
 ) -> list[FullSlip | None]:
-    """Find the torques at which each pulley slips in full, as if no other one did before.
+    """Find the torque at which each pulley slips in full, as if no other slipped before.
 
     Args:
         steady: The mean state.
@@ -326,7 +326,7 @@ def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
 def _march(
     theory: _Theory, holds: list[int], of_them: Callable[[Any], Any], coarse: bool
 ) -> list[_State]:
-    """Return states at factors from 0 on, to where all or any of these slip or a span goes slack.
+    """Return states at rising factors, up to where all or any of these slip or a span goes slack.
 
     Of a single pulley coarse steps are enough: the span that goes slack is not its own, or it slips
     before.
@@ -354,7 +354,7 @@ def _march(
 
 
 def _of_pulley(theory: _Theory, states: list[_State], slips: int, k: int) -> FullSlip:
-    """Close in on the factor at which one pulley's slip angle is its wrap; tell it of pulley k."""
+    """Find the factor at which one pulley's slip angle is its wrap; return that of pulley k."""
     above = next((n for n, state in enumerate(states) if state.used[slips] >= 1.0), None)
     if not above:
         return FullSlip(factor=math.inf, torque=math.nan, tensions=(math.nan, math.nan))

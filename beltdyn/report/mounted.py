@@ -1,4 +1,4 @@
-"""What a report says of tensioner arms, sliders and paths."""
+"""Rows of tensioner arms, sliders and paths."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["mount_rows"]
 
 #: Least amplitude of a line in the travel, of a turn of one radian or of the pulley's radius: below
 #: it is what rounding and tolerances leave.
-FAINT = 1e-6
+MIN_AMPLITUDE = 1e-6
 _FORCES = {
     "spring": "spring_force",
     "damper": "damper_force",
@@ -34,7 +34,7 @@ def mount_rows(
 
     Args:
         window: The part of the run.
-        statics: What the belt pulls at each pulley (n_w, n_p, 2) [N], if known.
+        statics: Force of the belt on each pulley (n_w, n_p, 2) [N], if known.
         passing: The time in which a link passes [s], over which its pull is averaged.
     """
     params, run = window.params, window.run
@@ -60,7 +60,7 @@ def mount_rows(
                 low, high = mount.stops
                 row["to_stop"] = spread(window, np.minimum(travel - low, high - travel))
             row["travel"] = spread(window, travel)
-            least = FAINT * (1.0 if mount._row.angle else params.pulleys[k].radius)
+            least = MIN_AMPLITUDE * (1.0 if mount._row.angle else params.pulleys[k].radius)
             line = None if uneven(window) else dominant(window.t, travel)
             if line is not None and line.amplitude > least:
                 row |= {"frequency": line.frequency, "amplitude": line.amplitude}
@@ -77,7 +77,7 @@ def mount_rows(
 
 
 def _there(mount: Sprung, field: str) -> bool:
-    """Return whether a mount has a part at all."""
+    """Return whether a mount has this part."""
     if field == "spring":
         return bool(mount.stiffness or mount.spring_force or mount._hung)
     if field in ("damper", "friction"):
@@ -86,7 +86,7 @@ def _there(mount: Sprung, field: str) -> bool:
 
 
 def _without_blows(window: Window, of_contact: Spread, pull: Array, passing: float) -> Spread:
-    """Take the mean from the contact, exact, and the swing round it from what the spans pull."""
+    """Take the mean from the contact, which is exact, and the range from the pull of the spans."""
     swing = spread(window, pull, passing)
     if swing is None or np.isnan(pull).any():
         return of_contact

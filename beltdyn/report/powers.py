@@ -120,7 +120,7 @@ def power_rows(
 
 
 def _error(window: Window, put_in: float, contact: float, friction: float) -> float:
-    """Return the error of the efficiency, measured or from what is lost in contact and friction."""
+    """Return the error of the efficiency, measured or from losses in contact and friction."""
     run, measured = window.run, window.run.accuracy["power"].total
     lost = sanity.mesh_loss(window.params, contact, friction)
     if run.accuracy.verified and measured is not None:

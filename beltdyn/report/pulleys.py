@@ -1,4 +1,4 @@
-"""What a report says of the pulleys: motion, power, hub loads, arcs, tensions, margin to slip."""
+"""Rows of the pulleys: motion, power, hub loads, arcs, tensions, margin to slip."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from .window import OF_ARCS, Window, missing
 
 __all__ = ["pulley_rows", "spread"]
 
-#: Of the tension at rest: a force below it is rounding, and has no direction.
-FAINT = 1e-6
+#: Share of the tension at rest: a force below it is rounding, and has no direction.
+NEGLIGIBLE_FORCE = 1e-6
 
 
 def spread(window: Window, samples: Array, passing: float = 0.0) -> Spread | None:
@@ -72,7 +72,7 @@ def pulley_rows(
 
 
 def _slip_error(row: PulleyRow, returning: float) -> float:
-    """Return the error of the arc of slip [rad]: a quarter of a link, and what landings took of it.
+    """Return the error of the arc of slip [rad]: a quarter of a link, and the effect of landings.
 
     All of the friction in use is gone from the arc, and below 95 % elsewhere on the wrap, where the
     belt creeps back for a quarter of the time; right to a factor of three on steady drives.
@@ -116,7 +116,7 @@ def _hub_loads(window: Window, k: int) -> dict[str, Any]:
     load = window.of(window.run.pulleys.load)[:, k]
     hub = spread(window, np.hypot(load[:, 0], load[:, 1]))
     x, y = window.mean(load)
-    if math.hypot(x, y) < FAINT * float(window.params.info["strain_tension"]):
+    if math.hypot(x, y) < NEGLIGIBLE_FORCE * float(window.params.info["strain_tension"]):
         return {"hub_load": hub}
     return {"hub_load": hub, "hub_direction": math.atan2(y, x)}
 

@@ -1,4 +1,4 @@
-"""A report: rows, and what they are given as."""
+"""A report, as text, dictionaries and data frames."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import attrs
 
 from ..base.checks import flag
 from . import brief, flat, text
-from .rows import Told
+from .rows import ReportData
 
 __all__ = ["Report"]
 
 
 @attrs.frozen(kw_only=True, repr=False)
-class Report(Told):
+class Report(ReportData):
     """What an engineer reads off the last part of a run.
 
     ``print(report)`` shows what is asked first, ``print(report.text(full=True))`` all tables; a
@@ -44,19 +44,20 @@ class Report(Told):
     Attributes:
         begin: First sample of the window [s].
         end: Last one [s].
-        samples: How many.
+        samples: Number of samples.
         driver: Name of the pulley that drives the belt; None if the belt stands still.
         belt_speed: Mean speed of the belt in the order of its links, along itself [m/s].
-        belt_speeds: The same with its range, without what links do that pass [m/s].
+        belt_speeds: The same with its range, without the ripple of passing links [m/s].
         rest_tension: Mean tension of the belt at rest [N]; None with the paper's mesh, on which it
             is higher on pulleys than in spans.
-        mass_tension: What the belt's own mass takes of every tension, rho v^2 [N].
+        mass_tension: Centrifugal tension rho v^2, the part of every tension that turns the belt
+            [N].
         pulleys: A row for each pulley.
         spans: A row for each free span; none with one pulley.
         mounts: A row for each arm, slider and path.
         creep: A row for each pulley but the driving one.
-        powers: Where power comes from and goes to; what is put in is the sum of all others.
-        efficiency: Part of the power put in that is not lost [1].
+        powers: Power balance; the input power is the sum of all others.
+        efficiency: Share of the input power that is not lost [1].
         efficiency_error: Its error, or where it is None that of what is lost over what is put in
             [1]: that of the powers if the run was verified; else what the mesh adds to the losses,
             nearly all of the contact's damping, of links that land.
@@ -64,17 +65,17 @@ class Report(Told):
             ``result.accuracy`` has it.
         tension_error: Error of the spans' mean tensions [1], as ``result.accuracy`` has it.
         creep_error: The same of creep, relative to the largest [1]; None without verification.
-        nodes: Of what the belt is: "links", "point masses", or "cells", which stand still.
+        nodes: What the belt consists of: "links", "point masses", or "cells", which stand still.
         cycles: Load cycles of a joint, largest range first; of an ALE belt those of the belt that
             is in the middle of a cell at the end.
         joint: That joint, or cell.
-        cycles_begin: Since when they are counted [s]: a round of the belt before the end of the
-            run, or the beginning of the window if that is earlier.
+        cycles_begin: Time from which they are counted [s]: a round of the belt before the end of
+            the run, or the beginning of the window if that is earlier.
         rounds: Rounds that the belt makes from then on.
         unsteady: What is not steady in the window, and by how much; empty: it is steady.
-        notes: What could not be told, and why.
-        accuracy: What is known of the errors of the run, ``result.accuracy``.
-        warnings: What the run warned of, ``result.warnings``.
+        notes: What could not be determined, and why.
+        accuracy: Errors of the run as far as they are known, ``result.accuracy``.
+        warnings: Warnings of the run, ``result.warnings``.
     """
 
     def __str__(self) -> str:
@@ -107,8 +108,8 @@ class Report(Told):
 
         SI units, angles in rad, as the attributes, and what follows from them: "steady",
         "first_to_slip", the name of that pulley, and "slower" of rows of creep, which is what is
-        printed as lost. What is not known is None; so is a number that is
-        infinite (a margin without end).
+        printed as lost. What is not known is None; so is a number that is infinite (an unlimited
+        margin).
         """
         plain: dict[str, Any] = _plain(attrs.asdict(self, recurse=True))
         first = self.first_to_slip
@@ -121,9 +122,9 @@ class Report(Told):
     def to_frame(self) -> Any:
         """Return a pandas.DataFrame, a number a row: part, name, quantity, unit, value and text.
 
-        SI units, angles in rad. Parts are "report", what is said of the run as a whole, "pulleys",
-        "spans", "mounts", "creep", "powers" and "cycles". Texts, such as the kind of a power or a
-        note, stand in the last column, with a value of NaN; yes is 1 and no 0.
+        SI units, angles in rad. Parts are "report" for the run as a whole, "pulleys", "spans",
+        "mounts", "creep", "powers" and "cycles". Texts, such as the kind of a power or a note,
+        stand in the last column, with a value of NaN; yes is 1 and no 0.
 
         Raises:
             ImportError: pandas is not installed.

@@ -1,4 +1,4 @@
-"""Rows of a report: what is said of a pulley, a span, a mount, creep, a power, a load cycle."""
+"""Rows of a report: pulley, span, mount, creep, power, load cycle."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ __all__ = [
     "MountRow",
     "Power",
     "PulleyRow",
+    "ReportData",
     "Rows",
     "SpanRow",
     "Spread",
-    "Told",
 ]
 
 #: Name of the power that the energy ledger lacks: its error.
@@ -44,28 +44,29 @@ class PulleyRow:
     """A pulley over the window. None: not known; ``Report.notes`` says why.
 
     Attributes:
-        name: Its name, "pulley 3" of one that has none.
+        name: Its name, "pulley 3" if it has none.
         prescribed: Whether its motion was given, and its speed is exact.
         speed: Angular velocity, counter-clockwise [rad/s].
-        rim_speed: Of a pulley with a coupling the angular velocity of its rim, or of the ring of a
+        rim_speed: Angular velocity of the rim of a pulley with a coupling, or of the ring of a
             torsional damper [rad/s]; None: it has none, or it was not asked for.
-        windup: Of the coupling [rad].
+        windup: Windup of the coupling [rad].
         overruns: Share of the time in which an overrunning clutch is free [1].
         torque: Torque set on it or, where its motion is prescribed, that it needs [N m].
         power: Power of that torque, positive where it drives [W].
         belt_torque: Mean torque of the belt on it, counter-clockwise [N m].
-        hub_load: Size of the belt's force on its bearings, less what the belt's mass takes off [N]:
-            what the tensions in the middle of its two spans pull, T - rho v^2 each in the direction
-            of its span, and the weight of the belt. Not of ``result.pulleys.load``, the forces of
-            contact, which swing with every link that lands.
+        hub_load: Magnitude of the belt's force on its bearings [N]: the pull of its two spans, T -
+            rho v^2 each in the direction of the span, with the tension in its middle, and the
+            weight of the belt. Not from ``result.pulleys.load``, the contact forces, which
+            fluctuate as links land.
         hub_direction: Direction of the mean of that force, counter-clockwise from x [rad].
         wrap: Angle of the belt line on it, with mounts at their mean places [rad].
-        links: How many links long that is, or of how many cells it is [1].
-        slip_arc: Part of it where friction is within 5 % of its limit, mean [rad].
-        slip_error: Its error: a quarter of a link, and what links that land may have taken from it
-            where the belt creeps back (``Arcs.returning``), to a factor of three [rad].
-        slip_share: The arc over the wrap, from links in contact (:class:`beltdyn.Arcs`) [1].
-        slip_range: Least and largest of it, without what links do that pass.
+        links: Length of the wrap in links or cells [1].
+        slip_arc: Mean part of the wrap where friction is within 5 % of its limit [rad].
+        slip_error: Error of the slip arc: a quarter of a link, and what landing links may have
+            taken off it where the belt creeps back (``Arcs.returning``), to a factor of three
+            [rad].
+        slip_share: Slip arc over the wrap, from links in contact (:class:`beltdyn.Arcs`) [1].
+        slip_range: Least and largest slip share, without the ripple of passing links.
         tight: Mean tension of the tighter of its two spans, less rho v^2 [N].
         slack: The same of the other one [N].
         ratio: ``tight`` over ``slack`` [1].
@@ -73,17 +74,17 @@ class PulleyRow:
             friction falls with slip velocity, mu here and below is that of fast slip.
         used: Part of the wrap's friction in use by the mean tensions, ln(ratio) / (mu wrap) [1];
             None, as ``ratio``, where less than a link lies on it.
-        used_range: The same of the instants, without what links do that pass; infinite where its
-            slack span goes slack.
+        used_range: The same at single instants, without the ripple of passing links; infinite where
+            its slack span loses its tension.
         margin: Factor by which all mean torques can grow before it slips in full [1]; infinite if
             others slip long before, so that it does not; at most 1 if it slips in full in the
             window.
         sticking_margin: Where friction falls with slip velocity, the same by the most that it has
             in the window [1]: it is lost as soon as something makes the pulley slip.
-        slip_torque: Torque of the belt on it in full slip by the means [N m]: that of the mean
-            times ``margin``, but where slip at moments of the window has used this up.
+        slip_torque: Torque of the belt on it in full slip, from mean values [N m]: the mean torque
+            times ``margin``, except where momentary slip in the window has used the margin up.
         slip_tensions: Tensions of its tight and slack span then [N].
-        least_margin: The same factor at its worst instant, that of the most friction in use [1].
+        least_margin: The margin at its worst instant, that with the most friction in use [1].
         worst_time: That instant [s].
         own_margin: Factor by which its mean torque alone can grow, which the driving pulley makes
             up for, before one of the two, or any other, slips in full [1]; infinite if a span that
@@ -136,15 +137,15 @@ class SpanRow:
 
     Attributes:
         name: The pulleys that it is between, as "crank to pulley 1".
-        length: Of its tangent [m]; None: the places of mounts are not known.
+        length: Length of its tangent [m]; None: the places of mounts are not known.
         tension: Mean of the free joints; least and largest in its middle, of running means over the
             passing of a link [N].
         of_run: Mean tension of its joints over all of the run, the least and the largest [N].
         absent: Share of the samples of the run in which it has no tension, as no link of it is free
             between its pulleys or none touches one of them.
-        frequency: Of the line that stands out in the spectrum of the tension in its middle [Hz];
-            None: none does.
-        amplitude: Of that line [N].
+        frequency: Frequency of the dominant line in the spectrum of the tension in its middle [Hz];
+            None: there is none.
+        amplitude: Amplitude of that line [N].
         link_passing: Whether that is the frequency with which links pass, a multiple of it, or its
             alias at this sampling: of the mesh, not of the drive. None: the window cannot tell,
             being too short or the speed uneven, or because something else is as near.
@@ -167,23 +168,26 @@ class SpanRow:
 class MountRow:
     """An arm, slider or path over the window. None: it has no such part, or it is not known.
 
-    Of an arm travels are angles [rad], counter-clockwise, and forces torques [N m]; of a slider
-    ways along its direction [m] and forces [N]. Forces count in the sense of the travel.
+    For an arm, travels are angles [rad], counter-clockwise, and forces are torques [N m]; for a
+    slider, travels are distances along its direction [m]. Forces are positive in the sense of the
+    travel.
 
     Attributes:
-        name: Of its pulley.
+        name: Name of its pulley.
         kind: "arm", "slider" or "path".
-        travel: From the place of the drive [rad or m]; of a path the distance of the axis from
-            there [m].
-        to_stop: How far it is from the nearer stop [rad or m]; negative: it presses on it.
-        spring: Of the spring, with preload and hung weight [N m or N].
-        damper: Of the damper [N m or N].
-        friction: Of the friction in its pivot or guide [N m or N].
-        stop: Of the stops [N m or N].
-        belt: What the belt pulls it with [N m or N]: mean of the contact, range by the tensions in
-            the middle of the spans, as ``PulleyRow.hub_load``. Not of a path; its hub load is that.
-        frequency: Of the line that stands out in the spectrum of the travel [Hz]; None: none does.
-        amplitude: Of that line [rad or m].
+        travel: Travel from its place in the drive [rad or m]; for a path the distance of the axis
+            from there [m].
+        to_stop: Distance to the nearer stop [rad or m]; negative: it presses on it.
+        spring: Force of the spring, with preload and hung weight [N m or N].
+        damper: Force of the damper [N m or N].
+        friction: Friction in its pivot or guide [N m or N].
+        stop: Force of the stops [N m or N].
+        belt: Force of the belt on it [N m or N]: mean of the contact forces, range from the
+            tensions in the middle of the spans, as ``PulleyRow.hub_load``. Not for a path, whose
+            hub load it is.
+        frequency: Frequency of the dominant line in the spectrum of the travel [Hz]; None: there is
+            none.
+        amplitude: Amplitude of that line [rad or m].
     """
 
     name: str
@@ -208,12 +212,13 @@ class Creep:
         ratio: Speed over that of the driving pulley, omega_k / omega_d [1].
         nominal: That by the radii, R_d / R_k, with the sign of the sides [1].
         lost: -ln(ratio / nominal): speed lost against the driving pulley's rim.
-        stretch: Of the belt's stretch: it arrives less stretched than at the driving pulley.
-        friction: Of slip that friction needs where the belt should stick, on both pulleys.
-            Negative where friction already acts while the belt is sinking in, further out.
-        radius: Of running radii: the belt sinks into pulleys, deeper where it is tighter and, over
-            the radius, into smaller ones.
-        remainder: What is left of ``lost``: unsteady motion, sampling.
+        stretch: Part due to the belt's stretch: it arrives less stretched than at the driving
+            pulley.
+        friction: Part due to the slip that friction needs where the belt should stick, on both
+            pulleys. Negative where friction already acts while the belt is sinking in, further out.
+        radius: Part due to running radii: the belt sinks into pulleys, deeper where it is tighter
+            and, over the radius, into smaller ones.
+        remainder: Rest of ``lost``: unsteady motion, sampling.
     """
 
     name: str
@@ -227,7 +232,7 @@ class Creep:
 
     @property
     def creep(self) -> float:
-        """Creep proper: belt that moves against the rim, of stretch and friction [1]."""
+        """Creep proper: motion of the belt against the rim, from stretch and friction [1]."""
         return self.stretch + self.friction
 
     @property
@@ -237,7 +242,7 @@ class Creep:
 
     @property
     def as_share(self) -> float:
-        """What parts are multiplied with to add up to ``slower`` in place of ``lost``."""
+        """Factor with which the parts add up to ``slower`` in place of ``lost`` [1]."""
         return self.slower / self.lost if self.lost != 0.0 else 1.0
 
 
@@ -246,10 +251,10 @@ class Power:
     """Where power goes, mean over the window.
 
     Attributes:
-        name: Of a pulley or a loss.
+        name: Name of a pulley or a loss.
         kind: "in" (put in by a pulley), "out" (taken off by one), "lost", "stored" or "left".
-        power: Size [W]; what is put in is the sum of all others.
-        share: Of what is put in [1]; None where nothing is.
+        power: Magnitude [W]; the input power is the sum of all others.
+        share: Share of the input power [1]; None where there is none.
     """
 
     name: str
@@ -263,9 +268,9 @@ class Cycle:
     """Cycles of the force in a joint, counted by rainflow (ASTM E1049-85).
 
     Attributes:
-        range: From its lowest to its highest force, mean of the class [N].
+        range: Range from lowest to highest force, mean of the class [N].
         mean: Mean force, mean of the class [N].
-        count: How many; halves are those that are not closed [1].
+        count: Number of cycles; those not closed count one half [1].
     """
 
     range: float
@@ -301,8 +306,8 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
 
 
 @attrs.frozen(kw_only=True)
-class Told:
-    """What a report holds; :class:`Report` describes it."""
+class ReportData:
+    """Data of a report; :class:`Report` describes its fields."""
 
     begin: float
     end: float

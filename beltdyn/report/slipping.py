@@ -1,4 +1,4 @@
-"""What a report says of slip: ratios of tensions, the part of friction in use, margins of torque.
+"""Slip in a report: ratios of tensions, friction in use, margins of torque.
 
 Of the means of the window, and of its worst instants: what the drive does in a moment counts, not
 what the mesh does, so histories are taken as running means over the time in which links pass.
@@ -31,7 +31,7 @@ SWINGS = 0.3
 
 
 def less_mass(window: Window, tension: Array, speed: float | Array) -> Array:
-    """Return tensions less what the belt's mass takes, T - m c^2 lambda [N]."""
+    """Return tensions less the centrifugal tension, T - m c^2 lambda [N]."""
     belt = window.params.belt
     mass = belt.linear_density * np.square(speed)
     return np.asarray(tension - mass * (1.0 + tension / belt.axial_stiffness))
@@ -203,7 +203,7 @@ class _Slipping:
             self.notes.append(
                 f"full_slip: {self.params.label(int(k))} slips over its whole wrap in this window, "
                 f"for {whole:.3g} of {self.window.lasts:.3g} s between t = {t[during[0]]:.4g} and "
-                f"{t[during[-1]]:.4g} s, by {gross.way[k]:.2g} m: it has no margin left"
+                f"{t[during[-1]]:.4g} s, by {gross.slip_distance[k]:.2g} m: it has no margin left"
             )
 
     # --- Margins ----------------------------------------------------------------------------------
@@ -233,7 +233,7 @@ class _Slipping:
     def _of_means(
         self, tension: Array, torque: Array, working: Any, rows: list[PulleyRow]
     ) -> list[PulleyRow]:
-        """Add how far mean torques can grow, all together and each by itself."""
+        """Add the factors by which mean torques can grow, all together and each by itself."""
         if not working.any():
             return rows
         if self.driver is not None and self.touching.reverses(self.window):
@@ -315,7 +315,7 @@ class _Slipping:
         )
 
     def _capped(self, row: PulleyRow, k: int) -> PulleyRow:
-        """Use up the margins of a pulley that slips in full; the least is at most that of means."""
+        """Limit the margins of a pulley that slips in full; the least is at most that of means."""
         most = 1.0 if self.slips[k] else math.inf
         changes: dict[str, Any] = {}
         for name in ("margin", "least_margin", "own_margin", "sticking_margin"):
@@ -332,7 +332,7 @@ class _Slipping:
 
 
 def _alone(state: Steady, k: int) -> FullSlip | None:
-    """Find the torque at which a pulley slips if its own alone grows, which the driver makes up."""
+    """Find the torque at which a pulley slips if its own alone grows, balanced by the driver."""
     try:
         return full_slip(state, [k], alone=True)[0]
     except (ValueError, np.linalg.LinAlgError):

@@ -1,4 +1,4 @@
-"""What a report says of the spans: tensions, the line that stands out, the string's frequency."""
+"""Rows of the spans: tensions, dominant line, frequency as a moving string."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ __all__ = ["Line", "dominant", "moving_string", "span_rows", "uneven"]
 #: spectrum: of noise, the largest of 1e4 bins is not so high in one case of a hundred.
 PART, ABOVE = 0.25, 20.0
 #: Least amplitude of one, over the mean tension: below it is what rounding and tolerances leave.
-FAINT = 1e-4
+MIN_AMPLITUDE = 1e-4
 #: Periods that the window must hold: less is a trend.
 LEAST = 3
 #: How even samples must be, over their interval.
@@ -38,7 +38,7 @@ class Line(NamedTuple):
 
 
 def dominant(t: Array, values: Array) -> Line | None:
-    """Find the line that stands out in the spectrum of even samples; None if none does.
+    """Find the dominant line in the spectrum of evenly spaced samples; None if there is none.
 
     Amplitude spectrum with Hann's window, the mean and the linear trend taken off; its frequency
     from the three largest values (parabola through their logarithms).
@@ -155,7 +155,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
                 )
         if history is not None and not not_even and tension is not None:
             line = dominant(window.t, history)
-            if line is not None and line.amplitude > FAINT * abs(tension.mean):
+            if line is not None and line.amplitude > MIN_AMPLITUDE * abs(tension.mean):
                 row |= {"frequency": line.frequency, "amplitude": line.amplitude}
                 row["link_passing"] = _of_links(found, window.t, line.frequency)
         rows.append(SpanRow(**row))
@@ -183,7 +183,7 @@ def _without(window: Window, k: int, absent: NDArray[np.bool_]) -> str:
 
 
 def uneven(window: Window) -> str:
-    """Describe why there are no spectra of a window; nothing if its samples are even in time."""
+    """Describe why a window has no spectra; "" if its samples are evenly spaced."""
     steps = np.diff(window.t)
     if steps.size < 2 or np.ptp(steps) <= EVEN * steps.mean():
         return ""
@@ -191,9 +191,9 @@ def uneven(window: Window) -> str:
 
 
 def _of_links(found: tuple[Source, ...], t: Array, frequency: float) -> bool | None:
-    """Return whether a line is at the frequency of links that pass, a multiple of it, or an alias.
+    """Return whether a line is at the link passing frequency, a multiple of it, or an alias.
 
-    None: the window cannot tell. It is too short to tell it from other lines, something else has a
+    None: not known. The window is too short to separate it from other lines, something else has a
     harmonic there as well, or the belt changes its speed so much that the links pass at this
     frequency for a part of it.
     """

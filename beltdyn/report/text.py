@@ -26,7 +26,7 @@ from .digits import (
     tension_off,
     within,
 )
-from .rows import RESIDUAL, Power, PulleyRow, Spread, Told
+from .rows import RESIDUAL, Power, PulleyRow, ReportData, Spread
 
 __all__ = [
     "Table",
@@ -45,7 +45,7 @@ _TO_RPM = 30.0 / math.pi
 #: Speeds below this are rounding [rad/s], and powers below that much of the largest.
 _STILL, _NOTHING = 1e-6, 1e-9
 #: Part of the speed lost that may remain unexplained, and speeds lost that are as good as none.
-DOUBT, FAINT = 0.1, 1e-5
+MAX_UNEXPLAINED, NEGLIGIBLE_LOSS = 0.1, 1e-5
 #: Part of the speed lost from which on a negative share of friction is explained.
 LITTLE = 0.01
 #: Part of the largest power that is as good as none: half a place of 100.00 %.
@@ -67,8 +67,8 @@ class Table(NamedTuple):
     remarks: tuple[str, ...] = ()
 
 
-def tables(report: Told) -> Iterator[Table]:
-    """Yield the tables of a report in which there is something."""
+def tables(report: ReportData) -> Iterator[Table]:
+    """Yield the tables of a report that are not empty."""
     parts = (
         (_motion, report.pulleys),
         (_loads, report.pulleys),
@@ -85,7 +85,7 @@ def tables(report: Told) -> Iterator[Table]:
             yield made
 
 
-def _motion(report: Told) -> Table:
+def _motion(report: ReportData) -> Table:
     powers = [abs(row.power.mean) for row in report.pulleys if row.power is not None]
     least = _NOTHING * max(powers, default=0.0)
     rows = []
@@ -108,8 +108,8 @@ def _motion(report: Told) -> Table:
     return Table(title, heading, rows, couplings(report))
 
 
-def couplings(report: Told) -> tuple[str, ...]:
-    """Describe of each coupling its windup, and for how long a clutch is free."""
+def couplings(report: ReportData) -> tuple[str, ...]:
+    """Describe the windup of each coupling, and for how long a clutch is free."""
     remarks = []
     for row in report.pulleys:
         if row.windup is None:
@@ -127,14 +127,14 @@ def couplings(report: Told) -> tuple[str, ...]:
 
 
 def _without(value: Spread | None, least: float) -> Spread | None:
-    """Return a spread with 0 for numbers that are less than rounding leaves."""
+    """Return a spread with numbers below rounding set to 0."""
     if value is None:
         return None
     ends = (value.mean, value.least, value.most)
     return Spread(*(0.0 if abs(one) < least else one for one in ends))
 
 
-def _loads(report: Told) -> Table:
+def _loads(report: ReportData) -> Table:
     rows = [
         (
             row.name,
@@ -177,7 +177,7 @@ def _loads(report: Told) -> Table:
     return Table(title, heading, rows, remarks)
 
 
-def _slip(report: Told) -> Table:
+def _slip(report: ReportData) -> Table:
     rows = [
         (
             row.name,
@@ -231,23 +231,23 @@ def _slip(report: Told) -> Table:
     )
 
 
-def cells(report: Told) -> bool:
+def cells(report: ReportData) -> bool:
     """Whether the belt flows through cells: no links pass and none land."""
     return any(row["flows"] for row in _core.BELTS if row["nodes"] == report.nodes)
 
 
-def note_on_mesh(report: Told) -> str:
-    """Return what there is to know of a mesh whose error is large enough to be warned of."""
+def note_on_mesh(report: ReportData) -> str:
+    """Return a note on a mesh whose error is large enough for a warning."""
     notes = (row["note"] for row in _core.BELTS)
     return next((one for one in notes if one and _warned(report, one)), "")
 
 
-def _warned(report: Told, text: str) -> bool:
+def _warned(report: ReportData, text: str) -> bool:
     return any(text in one.text for one in report.warnings)
 
 
-def slips(report: Told) -> list[str]:
-    """Describe which pulleys slip first, as far as theory tells, and when; "" of none."""
+def slips(report: ReportData) -> list[str]:
+    """Describe which pulleys slip first by theory, and when; "" if none."""
     first = report.first_to_slip
     if first is None:
         return []
@@ -260,7 +260,7 @@ def slips(report: Told) -> list[str]:
     return [f"{which}, {_when(report, soonest)}."]
 
 
-def _when(report: Told, row: PulleyRow) -> str:
+def _when(report: ReportData, row: PulleyRow) -> str:
     """Describe when the first pulley slips: now, or at which torques."""
     margins = [one for one in (row.margin, row.least_margin) if one is not None]
     if min(margins) <= 1.02 < (row.sticking_margin or 0.0):
@@ -284,14 +284,14 @@ def _when(report: Told, row: PulleyRow) -> str:
 
 
 def _percents(value: Spread | None) -> str:
-    """Return the range of a share in percent, the most of it "slack" where it is infinite."""
+    """Return the range of a share in percent, its maximum "slack" where it is infinite."""
     if value is None:
         return NONE
     ends = ["slack" if math.isinf(one) else f"{100 * one:.0f}" for one in (value.least, value.most)]
     return " to ".join(ends)
 
 
-def _spans(report: Told) -> Table:
+def _spans(report: ReportData) -> Table:
     rows = []
     for row in report.spans:
         line = NONE
@@ -356,7 +356,7 @@ _PARTS = {
 }
 
 
-def _mounts(report: Told) -> Table:
+def _mounts(report: ReportData) -> Table:
     rows = []
     for row in report.mounts:
         kind = KINDS[row.kind]
@@ -386,7 +386,7 @@ def _mounts(report: Told) -> Table:
     return Table("Mounts: travel, and what acts on them", heading, rows, remarks)
 
 
-def _creep(report: Told) -> Table:
+def _creep(report: ReportData) -> Table:
     # Parts have the decimals of the whole, which has the digits that its error leaves it.
     most = max((100.0 * abs(row.slower) for row in report.creep), default=0.0)
     shown = within(most, report.creep_error and report.creep_error * most)
@@ -408,7 +408,9 @@ def _creep(report: Told) -> Table:
         "+ remainder",
     )
     doubtful = [
-        row.name for row in report.creep if abs(row.remainder) > DOUBT * max(abs(row.lost), FAINT)
+        row.name
+        for row in report.creep
+        if abs(row.remainder) > MAX_UNEXPLAINED * max(abs(row.lost), NEGLIGIBLE_LOSS)
     ]
     remarks: tuple[str, ...] = ()
     if doubtful:
@@ -423,7 +425,7 @@ def _creep(report: Told) -> Table:
     return Table(f"Speed lost against {report.driver}, and why", heading, rows, remarks)
 
 
-def _powers(report: Told) -> Table:
+def _powers(report: ReportData) -> Table:
     kinds = {"in": "put in by", "out": "taken off by", "lost": "lost:", "stored": "", "left": ""}
     # Shares of what is put in say nothing where a drive lives on what it has stored.
     shares = all(abs(row.share or 0.0) <= 1.0 + TURNED for row in report.powers)
@@ -468,7 +470,7 @@ def _powers(report: Told) -> Table:
     return Table("Power: what is put in is the sum of all below", ("", "W", "%"), rows, remarks)
 
 
-def _cycles(report: Told) -> Table:
+def _cycles(report: ReportData) -> Table:
     off = digits.history_off(report)
     rows = [
         (within(one.range, off), within(one.mean, off), f"{one.count:g}") for one in report.cycles
@@ -491,8 +493,8 @@ def _cycles(report: Told) -> Table:
     return Table(title, ("range N", "mean N", "cycles"), rows, tuple(remarks))
 
 
-def opening(report: Told) -> list[str]:
-    """Describe which part of the run it is, and how fast the belt is."""
+def opening(report: ReportData) -> list[str]:
+    """Describe the part of the run, and the speed of the belt."""
     told, range_ = "", report.belt_speeds
     if report.belt_speed is not None:
         told = f"; belt at {digits.belt_speed(report)} m/s"
@@ -506,20 +508,20 @@ def opening(report: Told) -> list[str]:
     return found + ([f"  not steady: {_unsteady(report)}"] if report.unsteady else [])
 
 
-def _against(report: Told) -> str:
-    """Describe which way the belt runs if that is not the one in which its links are numbered."""
+def _against(report: ReportData) -> str:
+    """Note that the belt runs against the numbering of its links, if it does."""
     speed = report.belt_speed or 0.0
     nodes = "cells" if cells(report) else "links"
     return f" against the order of its {nodes}" if speed < -_STILL else ""
 
 
-def _unsteady(report: Told) -> str:
-    """Return what is least steady, and how much else is not."""
+def _unsteady(report: ReportData) -> str:
+    """Return what is least steady, and how many others are not."""
     more = len(report.unsteady) - 1
     return report.unsteady[0] + (f"; and {more} more (report.unsteady)" if more else "")
 
 
-def lines(report: Told) -> list[str]:
+def lines(report: ReportData) -> list[str]:
     """Return the lines of a report, none longer than 80 characters."""
     found = [
         line
@@ -560,13 +562,13 @@ def _fitted(rows: list[tuple[str, ...]]) -> list[list[tuple[str, ...]]]:
     return [rows]
 
 
-def _warnings(report: Told) -> list[str]:
+def _warnings(report: ReportData) -> list[str]:
     later = " (foreseen; the errors of this run are measured)"
     return [f"{one}{later if foreseen(report, one.code) else ''}" for one in report.warnings]
 
 
-def foreseen(report: Told, code: str) -> bool:
-    """Whether a warning has an estimate of what has been measured since."""
+def foreseen(report: ReportData, code: str) -> bool:
+    """Whether a warning is an estimate of something measured since."""
     return code == "mesh" and report.accuracy.verified
 
 
@@ -574,7 +576,7 @@ def _wrapped(text: str) -> list[str]:
     return textwrap.wrap(text, _WIDTH, initial_indent="  ", subsequent_indent="    ")
 
 
-def html(report: Told) -> str:
+def html(report: ReportData) -> str:
     """Return a report as HTML, for notebooks."""
     parts = [*paragraphs(opening(report)), *of_tables(tables(report))]
     for title, texts in (

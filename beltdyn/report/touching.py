@@ -57,7 +57,7 @@ class Touching:
         speed: Stress-free length of belt that passes in a second, in the order of the links, mean
             of the window [m/s].
         speeds: The same at the samples (n_w,) [m/s].
-        torques: Of the belt on the pulleys, counter-clockwise (n_w, n_p) [N m].
+        torques: Torques of the belt on the pulleys, counter-clockwise (n_w, n_p) [N m].
         gross: Where pulleys slip over their whole wrap; None: nowhere.
     """
 
@@ -77,7 +77,7 @@ class Touching:
     gross: GrossSlip | None
 
     def passing(self, window: Window) -> float:
-        """Return the time over which histories are averaged to tell the drive from the mesh [s].
+        """Return the time over which histories are averaged to remove the ripple of links [s].
 
         That in which a link passes, or as many links as the samples need to have four of them; 0
         where so few pass that no mean can tell them apart, and of cells, which do not.
@@ -92,20 +92,20 @@ class Touching:
         return one * max(1.0, math.ceil(4.0 * window.lasts / (window.t.size - 1) / one))
 
     def stands(self, window: Window, least: float) -> bool:
-        """Return whether it is slower than this [m/s], or moves by no notable part of a link."""
+        """Return whether the belt is slower than this [m/s], or moves by a small part of a link."""
         speed = float(window.mean(np.abs(self.speeds)))
         length = float(window.params.info["link_length"])
         return not (speed > least and speed * window.lasts > STILL * length)
 
     def reverses(self, window: Window) -> bool:
-        """Return whether the belt's speed changes by more than its mean: there is no mean state."""
+        """Return whether the belt's speed changes by more than its mean: no mean state exists."""
         smooth = window.smoothed(self.speeds[:, None], self.passing(window))
         change = float(np.nanmax(smooth) - np.nanmin(smooth))
         return change > max(abs(self.speed), float(window.params.info["drag_speed"]))
 
 
 def touching(window: Window) -> Touching | None:
-    """Read it off a run; None if its outputs do not hold it."""
+    """Read contact and friction off a run; None if its outputs lack them."""
     run, params = window.run, window.params
     if missing(run, NEEDED):
         return None

@@ -1,4 +1,4 @@
-"""The part of a run that a report is of: its samples, means over them, whether it is steady."""
+"""Window of a report: its samples, means over them, whether it is steady."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ class Run(Sampled, Protocol):
 
 
 def missing(run: Run, names: Collection[str]) -> list[str]:
-    """Return those of some outputs that the run was not asked for and its belt does not lack."""
+    """Return the outputs, of these, that the belt has but the run was not asked for."""
     lacks = lacking(run.params)
     return [name for name in names if not run._has(name) and name not in lacks]
 
@@ -104,7 +104,7 @@ class Window:
     Attributes:
         run: The run.
         rows: Its samples.
-        weights: Of the trapezoidal rule over the times of these samples, of sum 1 (n_w,).
+        weights: Weights of the trapezoidal rule over the times of these samples, of sum 1 (n_w,).
     """
 
     run: Run
@@ -189,7 +189,7 @@ class Window:
 
     @functools.cached_property
     def centers(self) -> Array:
-        """Return where the axes of the pulleys are at the samples (n_w, n_p, 2) [m].
+        """Return the axes of the pulleys at the samples (n_w, n_p, 2) [m].
 
         Where the run has not kept travels of the mounts, these rest.
         """

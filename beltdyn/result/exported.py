@@ -31,7 +31,7 @@ RESULTS: Mapping[str, tuple[tuple[str, ...], str]] = {
 
 
 def check_ending(path: str | os.PathLike[str], endings: Iterable[str] = tuple(RESULTS)) -> str:
-    """Return the ending that tells how to write a file, in lower case; of no ending the first.
+    """Return the ending, in lower case, that sets the format of a file; without one, the first.
 
     Raises:
         ValueError: There is no such kind; the message lists those that there are.
@@ -65,7 +65,7 @@ def write(
         t: Sample times (n_t,) [s].
         arrays: Histories (n_t, ...) by name.
         params: The drive.
-        dataset: Gives the same as an ``xarray.Dataset``.
+        dataset: Returns the same as an ``xarray.Dataset``.
 
     Raises:
         OSError: It cannot be written; a file that was there before is unchanged.

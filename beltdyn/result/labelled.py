@@ -62,7 +62,7 @@ _UNITS = {"contact.pulley": "1", SPANS: "N", "time": "s"}
 
 
 def span_names(params: Params) -> list[str]:
-    """Return what the free spans are called, after each pulley (n_p,), as reports call them."""
+    """Return the names of the free spans after each pulley (n_p,), as in reports."""
     names = params.pulley_names
     after = [*names[1:], names[0]]
     return [span_name(k, names, unnamed=f"{names[k]} to {after[k]}") for k in range(len(names))]
@@ -79,7 +79,7 @@ def dimensions(size: str) -> tuple[str, ...]:
 
 
 def places(params: Params) -> dict[str, Sequence[Any]]:
-    """Return what the places along each dimension are called."""
+    """Return the names of the places along each dimension."""
     links, names = range(params.n_bodies), params.pulley_names
     parts = {_DIMENSIONS[size][0]: [names[k] for k in ks] for size, ks in params._having.items()}
     modes = range(1, 1 + params._model.sizes.get("MODES", 0) // len(names))
@@ -141,7 +141,7 @@ def dataset(
 
 
 def unit_of_mounts(unit: str, params: Params) -> str:
-    """Return the one of "rad or m" that all mounts have, both if they differ."""
+    """Return the unit of all mounts, "rad or m" if they differ."""
     rows = [KINDS[name] for name in mount_kinds(params)]
     known = None not in (angles := {row.angle for row in rows})
     return rows[0].unit(unit) if known and len(angles) == 1 else unit

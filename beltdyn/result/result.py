@@ -98,11 +98,10 @@ class Result:
         warnings: Everything found that a user may not expect, or that may make the results less
             accurate; each was also issued as a :class:`beltdyn.BeltdynWarning`.
         outputs: The arrays that were asked for, as "joints.force"; None: all that its belt has.
-            Any other is an
-            AttributeError that names it.
+            Reading another is an AttributeError that names it.
         unchecked: Codes of warnings that were not looked for, because the outputs in which they
             show were not asked for.
-        accuracy: What is known of its accuracy, by quantity; most of it with ``verify=True`` only.
+        accuracy: Its accuracy by quantity, most of it with ``verify=True`` only.
     """
 
     t: Array
@@ -218,10 +217,10 @@ class Result:
         the pulley carries (T_1 - rho v^2) d_1 + (T_2 - rho v^2) d_2, which is ``pulleys.load``.
 
         Args:
-            centrifugal: True: that, ``pulleys.load``, what the bearings carry. False: what the
-                tensions alone would give, T_1 d_1 + T_2 d_2 as textbooks have it for slow belts:
-                with the belt's flux of momentum added, of the links' mean speed along the belt and
-                the directions of the belt line (of axes that move as they are at the time).
+            centrifugal: True: ``pulleys.load``, which the bearings carry. False: the pull of the
+                tensions alone, T_1 d_1 + T_2 d_2, as in textbooks for slow belts: the belt's flux
+                of momentum is added, from the mean speed of the links along the belt and the
+                directions of the belt line (with moving axes where they are at the time).
 
         Raises:
             TypeError: ``centrifugal`` is not a bool.
@@ -238,10 +237,10 @@ class Result:
     def along_belt(self, name: str = "joints.force", places: ArrayLike | None = None) -> AlongBelt:
         """Return a history of joints or links in places that are fixed in space.
 
-        Joints and links pass; this looks at the same place all the time: linearly between the two
-        next to it, joints where they are, contact where the mesh has it (at joints, centres of
-        links, or masses). Friction and normal forces are those of a link or joint, not per metre.
-        The cells of an ALE belt stand in such places themselves, with one tension to a span.
+        Joints and links pass; this interpolates linearly, at a fixed place, between the two next to
+        it, joints where they are, contact where the mesh has it (at joints, centres of links, or
+        masses). Friction and normal forces are those of a link or joint, not per metre. The cells
+        of an ALE belt stand in such places themselves, with one tension to a span.
 
         Places are along the belt line of ``params.route``. Where axes move, a place keeps its share
         of its span or wrap on the line through the axes of the time.
@@ -320,7 +319,7 @@ class Result:
         Not all of it is creep: where the belt sinks into its pulleys it runs on smaller radii.
         :meth:`report` splits it into stretch, friction and radius.
 
-        Of a pulley that the belt turns the other way round, outside, with -omega_k.
+        For a pulley on the outside, which turns the other way round, with -omega_k.
 
         NaN while pulley 0 almost stands still, below a thousandth of its highest speed.
         """
@@ -330,7 +329,7 @@ class Result:
         return self._slip(np.asarray(rims))
 
     def _rims(self) -> Array | None:
-        """Angular velocities of what the belt runs on (n_t, n_p) [rad/s]; None: not kept."""
+        """Angular velocities of the rims under the belt (n_t, n_p) [rad/s]; None: not kept."""
         if not self._has("pulleys.omega"):
             return None
         on_rim = [
@@ -366,7 +365,7 @@ class Result:
             joint: The joint whose load cycles are counted, between links joint - 1 and joint.
 
         Returns:
-            What can be told from the outputs that there are; it says what cannot, and why.
+            The report, as far as the outputs allow; it says what is missing, and why.
 
         Raises:
             TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has less than two
@@ -398,8 +397,8 @@ class Result:
         """List the most important results, and how accurate they are, as pairs of label and value.
 
         Speeds, tensions and creep are means over the last fifth of the run, because links that
-        arrive at a pulley or leave it make them fluctuate from sample to sample. They have the
-        digits that their error leaves them, two where it is not known.
+        arrive at a pulley or leave it make them fluctuate from sample to sample. They have as many
+        digits as their error allows, two where it is not known.
 
         Args:
             verbose: Whether to add what the integrator did.

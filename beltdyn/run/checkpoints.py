@@ -55,7 +55,7 @@ def _every(value: object) -> float:
 
 @attrs.frozen
 class Checkpoint:
-    """Where a run is written as it goes, and how often (``checkpoint`` of :func:`simulate`).
+    """File that a run is written to, and how often (``checkpoint`` of :func:`simulate`).
 
     Attributes:
         path: The file; there must be none yet.
@@ -72,7 +72,7 @@ class Checkpoint:
 
     @classmethod
     def of(cls, value: object) -> Checkpoint:
-        """Return a path as a Checkpoint, and one as it is.
+        """Return a Checkpoint for a path, or the Checkpoint given.
 
         Raises:
             TypeError, ValueError: It is neither.

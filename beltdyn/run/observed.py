@@ -126,10 +126,10 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
         less = " or lower the torque" if given > 0.0 else less
         yield RunWarning(
             code="full_slip",
-            text=f"{params.label(k)} slips over its whole wrap, by {found.way[k]:.2g} m, {whole} "
-            f"between t = {first:.4g} and {last:.4g} s, which dissipates {found.lost[k]:.3g} J: "
-            f"friction transmits {carried:.3g} N m in the mean of that time{of_set}; "
-            f"{_tighter(params)}{less}",
+            text=f"{params.label(k)} slips over its whole wrap, by {found.slip_distance[k]:.2g} m, "
+            f"{whole} between t = {first:.4g} and {last:.4g} s, which dissipates "
+            f"{found.lost[k]:.3g} J: friction transmits {carried:.3g} N m in the mean of that "
+            f"time{of_set}; {_tighter(params)}{less}",
             t=first,
             where=params.label(k),
         )

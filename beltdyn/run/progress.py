@@ -26,7 +26,7 @@ def _terminal(enabled: bool) -> Console | None:
 def over_time(
     enabled: bool, label: str, start: float, end: float | None
 ) -> Iterator[Callable[[float], None]]:
-    """Show the simulated time, and without an end only that. Gives a function of it."""
+    """Show the simulated time, and without an end only that; yield a function of it."""
     console = _terminal(enabled)
     if console is None:
         yield lambda _time: None
@@ -50,7 +50,7 @@ def over_time(
 def counted(enabled: bool, label: str) -> Iterator[Callable[[int, int, str], None]]:
     """Show runs done of all, the time left, and which is next.
 
-    Gives a function of the number done, the number of all and a text; safe in several threads.
+    Yields a function of the number done, the number of all and a text; safe in several threads.
     """
     console = _terminal(enabled)
     if console is None:

@@ -30,8 +30,8 @@ def resume(
 
     The result is that of the whole run, and the same bit for bit as without the stop: samples,
     final state, counters and warnings. Only times differ: those of ``result.stats`` are the sums
-    over all parts. Of a run that had finished, the result is given again. What was computed after
-    the last write is computed again, and where a write was cut off or the end of the file is
+    over all parts. For a run that had finished, the result is returned again. What was computed
+    after the last write is computed again, and where a write was cut off or the end of the file is
     damaged, what was computed after the last write that is whole.
 
     The same bits need the same version of beltdyn, compiler and instruction level of the C core;
@@ -44,7 +44,7 @@ def resume(
         torque_fn: The torque, if it was a function, which a file cannot hold: the same one again.
             That it is the same cannot be checked of functions; of torque objects it is.
         motion: All prescribed motions, if one of them was a function.
-        max_steps: Another limit than the run had, which may have ended by it.
+        max_steps: A limit other than that of the run, which may have ended by it.
         progress: Whether to show a progress bar on stderr (needs ``rich``).
         checkpoint: Whether to go on writing to the file; False: it is only read, and may be
             read-only.

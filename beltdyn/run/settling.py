@@ -66,10 +66,10 @@ def settle(
         speed: Speeds of one or several pulleys, by index or name [rad/s]; of several, the speeds of
             their rims must agree to 1 %. None, or all zero: at rest.
         tolerance: The belt is at rest when the largest unbalanced force is below this times the
-            mean tension; None: 1e-9. What is not tighter than that is raised to what rounding of
-            positions leaves of a very stiff contact, or of a belt of hardly any tension. An ALE
-            belt is laid at rest, or running, at once: it takes neither this nor ``max_time``, and
-            refuses ``friction``, ``offset`` and ``shift``.
+            mean tension; None: 1e-9. A value of 1e-9 or more is raised to the rounding error of the
+            forces, where the contact is very stiff or the tension very low. An ALE belt is laid at
+            rest, or running, at once: it takes neither this nor ``max_time``, and refuses
+            ``friction``, ``offset`` and ``shift``.
         max_time: Simulated time after which to give up [s]; None: chosen.
         progress: Whether to show progress on stderr (needs ``rich``).
 

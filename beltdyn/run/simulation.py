@@ -19,7 +19,7 @@ from ..base.run_warnings import RunWarning, is_error, issue
 from ..base.stopping import stoppable
 from ..drive.params import Params
 from ..drive.scene import Scene
-from ..loads.escaped import Escaped
+from ..loads.callback_errors import CallbackErrors
 from ..loads.motions import CrankMotion, Motion, MotionLike, as_motions, first_speeds, motion_terms
 from ..loads.torques import TorqueLike, as_terms
 from ..outputs.accuracy_report import Expected
@@ -45,8 +45,8 @@ METHODS = _core.METHODS
 
 _RTOL_RANGE = (1e-12, 1.0)
 _DEFAULT_RTOL, _DEFAULT_SAMPLES = 1e-4, 1001
-#: Of a run that another waits for, as ``CHUNK``.
-_WATCHED = 0.01
+#: The same for a run that a verifying run follows [s].
+_CHUNK_FOLLOWED = 0.01
 
 
 def simulate(
@@ -308,9 +308,9 @@ def _simulate(
     watch: Callable[[Reached], None] | None = None,
     recorder: Recorder | None = None,
 ) -> tuple[Result, State]:
-    """Run once, as :func:`simulate` without ``verify``; give also the state it started from.
+    """Run once, as :func:`simulate` without ``verify``; return also the initial state.
 
-    ``outputs`` are as :func:`beltdyn.outputs.selection.chosen` gives them.
+    ``outputs`` are as :func:`beltdyn.outputs.selection.chosen` returns them.
 
     ``watch`` is told now and then how far it is; a SimulationError that it raises ends the run.
     ``recorder`` writes it as it goes; with one of a run that was stopped, it goes on.
@@ -442,20 +442,20 @@ def _simulate(
         return error
 
     finishing = False
-    escaped = Escaped(sim.stop)
-    chunk = CHUNK if watch is None else _WATCHED
+    callback_errors = CallbackErrors(sim.stop)
+    chunk = CHUNK if watch is None else _CHUNK_FOLLOWED
     if recorder is not None:
         recorder.count(spent)
         chunk = min(chunk, recorder.every)
     try:
-        with escaped, stoppable(sim), over_time(progress, "simulating", start, end) as show:
+        with callback_errors, stoppable(sim), over_time(progress, "simulating", start, end) as show:
             while not sim.advance(chunk):
                 show(sim.time)
                 if watch is not None:
                     from ..verification.runs import Reached
 
                     watch(Reached(state, sim.time, int(sim.stats["steps"]), sim.method))
-                if recorder is not None and escaped.error is None:
+                if recorder is not None and callback_errors.error is None:
                     recorder.look(sim)
         if recorder is not None:
             recorder.end(sim, finished=True)
@@ -476,9 +476,9 @@ def _simulate(
         annotate(error, params, error.result.warnings)
         raise
     except (KeyboardInterrupt, Exception) as error:
-        raised = escaped.error or error
+        raised = callback_errors.error or error
         if recorder is not None and not finishing:
-            recorder.end(sim, sound=escaped.error is None)
+            recorder.end(sim, sound=callback_errors.error is None)
         if isinstance(raised, KeyboardInterrupt):
             raise interrupted() from raised
         if finishing:

@@ -60,7 +60,7 @@ class Start:
             None where the file could not hold them, because they are functions.
         initial: The state it began from.
         t_eval: Sample times (n_t,) [s].
-        outputs: What is kept, as :func:`beltdyn.outputs.selection.chosen` gives it.
+        outputs: What is kept, as :func:`beltdyn.outputs.selection.chosen` returns it.
         options: The others of :func:`beltdyn.simulate`, by name, checked.
         settle_time: Wall time of settling before it [s].
         kernels: Instruction level of the core.
@@ -150,9 +150,8 @@ def unpack(content: bytes) -> tuple[Start, float]:
 def _texts(scene: Scene) -> tuple[str, bool, bool | None]:
     """Return a scene as TOML, with what can be written of its loads.
 
-    Returns:
-        The text; whether the torque is in it; whether the motions are, None if there are none. In
-        the text the run ends at 1 s, since those of other scenes may not end before 0.
+    Also whether the torque is in it, and the motions, None if there are none. In the text the run
+    ends at 1 s, since those of other scenes may not end before 0.
     """
 
     def text(torque: TorqueLike, motion: ByPulley[MotionLike] | None) -> str | None:

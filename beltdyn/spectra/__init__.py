@@ -1,4 +1,4 @@
-"""Spectra of what a run sampled, and the frequencies that a drive makes of itself: orders.
+"""Spectra of sampled outputs, and the frequencies that a drive excites itself: orders.
 
 An amplitude spectrum shows a sine of amplitude A as a peak of height A. A pulley that turns at f
 excites at f and its multiples, its orders; a place on the belt comes round at the **belt passing**

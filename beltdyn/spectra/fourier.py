@@ -80,7 +80,7 @@ def spectrogram(t: Array, values: Array, length: float) -> tuple[Array, Array, A
     Args:
         t: Times (n_t,) [s], evenly spaced.
         values: Samples (n_t,).
-        length: Of a slice [s]; slices overlap by seven eighths and lie within the samples.
+        length: Length of a slice [s]; slices overlap by seven eighths and lie within the samples.
 
     Returns:
         Middle times of the slices (n_s,) [s], frequencies (n_f,) [Hz], amplitudes (n_s, n_f).

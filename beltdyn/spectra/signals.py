@@ -20,7 +20,7 @@ __all__ = ["Signal", "signal"]
 
 @attrs.frozen(eq=False)
 class Signal:
-    """A column of an output over time: what it is called, its unit, its values (n_t,)."""
+    """A column of an output over time: its label, unit and values (n_t,)."""
 
     label: str
     unit: str
@@ -91,7 +91,7 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
 
 
 def _columns(result: Result, dimension: str) -> list[str]:
-    """Return what the columns of an output are called."""
+    """Return the names of the columns of an output."""
     if dimension == "belt":
         return ["the belt"]
     if dimension == "span":
@@ -104,7 +104,7 @@ def _columns(result: Result, dimension: str) -> list[str]:
 def _column(
     result: Result, by: str, value: object, names: list[str], having: tuple[int, ...] | None
 ) -> int:
-    """Return the column that a value of span=, pulley= ... names; of parts by their pulley."""
+    """Return the column named by span=, pulley= ...; that of a part by its pulley."""
     pulleys = result.params.pulley_names
     if by == "mount":
         index = index_of(by, value, pulleys) if isinstance(value, str) else None

@@ -38,11 +38,11 @@ class Line:
     x1 - crank x2". By another distance they are not, which any line has to a multiple of something.
 
     Attributes:
-        frequency: Where it is [Hz].
+        frequency: Its frequency [Hz].
         amplitude: Its height, in the unit of the signal.
-        names: What has a harmonic there, such as "link passing x1" or "crank x2"; several if the
-            window is too short to tell them apart, none if nothing has; "may be link passing x1" if
-            it is too short to tell that from other lines.
+        names: Sources with a harmonic there, such as "link passing x1" or "crank x2"; several if
+            the window is too short to tell them apart, none if nothing has; "may be link passing
+            x1" if it is too short to tell that from other lines.
     """
 
     frequency: float
@@ -60,14 +60,14 @@ class Spectrum:
     """The amplitude spectrum of an output, and what may have made its lines.
 
     Attributes:
-        label: What it is of, such as "tension of span crank to compressor".
-        unit: Of the amplitudes.
+        label: Name of the output, such as "tension of span crank to compressor".
+        unit: Unit of the amplitudes.
         frequency: (n_f,) [Hz].
         amplitude: (n_f,); a sine of amplitude A shows A.
         resolution: Lines closer than this merge [Hz].
         limit: Half the rate of sampling [Hz]; what is faster appears mirrored below it.
         begin, end: The window in time [s].
-        sources: What repeats itself, the links of the belt first.
+        sources: Periodic sources, the links of the belt first.
     """
 
     label: str
@@ -123,7 +123,7 @@ class Spectrum:
         )
 
     def _sidebands(self, frequency: float, others: list[tuple[float, str]]) -> tuple[str, ...]:
-        """Name harmonics of the link passing that a known line modulates: beside them, as far."""
+        """Name side bands of the link passing, as far from its harmonics as a known line."""
         return tuple(
             f"{source.name} x{k} {'+' if sign > 0 else '-'} {name}"
             for source in self.sources
@@ -137,7 +137,7 @@ class Spectrum:
         )[:1]
 
     def harmonics(self, source: Source) -> int:
-        """Return up to which harmonic of a source lines are named after it; 0: none.
+        """Return the highest harmonic of a source after which lines are named; 0: none.
 
         None of one whose harmonics are closer than the resolution, and none that its changes of
         speed smear (:attr:`Source.sharp`); :meth:`notes` says so.
@@ -197,7 +197,7 @@ class Spectrum:
 
 
 def _by(source: Source) -> str:
-    """Describe by how much a source changes its speed, if that is a share of it."""
+    """Describe the change of speed of a source, if it is notable."""
     return f", by {percent(source.spread)}" if source.spread < 1.0 else ""
 
 
@@ -208,7 +208,7 @@ class Spectrogram:
     Attributes:
         label, unit: Of the output.
         t: Middle times of the slices (n_s,) [s].
-        speed: Of the pulley, absolute, a mean over each slice (n_s,) [rad/s].
+        speed: Speed of the pulley, absolute, a mean over each slice (n_s,) [rad/s].
         frequency: (n_f,) [Hz].
         amplitude: (n_s, n_f).
         resolution: Lines closer than this merge [Hz].

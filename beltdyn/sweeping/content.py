@@ -1,4 +1,4 @@
-"""What a run is made of, as a key: the same content gives the same key, however it was put.
+"""Content hash of a run: equal inputs, equal key.
 
 A scene is laid out flat, one entry for each number, by the names of :mod:`beltdyn.sweeping.names`.
 The key of a run of a sweep comes from this layout with the swept values put in, so that a run that
@@ -40,10 +40,10 @@ class Contents:
     """The keys of the runs of a sweep.
 
     Args:
-        scene: What all runs have in common.
-        options: Of simulate, the same.
-        names: What differs.
-        measured: Of the measured quantities, a text.
+        scene: The scene, common to all runs.
+        options: Options of ``simulate``, common to all runs.
+        names: Names of the values that differ.
+        measured: Text of the measured quantities.
         version: The user's own, for what no key can see.
 
     Raises:
@@ -158,7 +158,7 @@ _OTHER = {"params.belt.length": "params.belt.preload", "params.belt.preload": "p
 
 
 def _is_own(node: Any) -> bool:
-    """Whether something is a part of a drive, a load or a state, whose fields are all of it."""
+    """Whether an object is a part of a drive, a load or a state, defined by its fields."""
     kind = type(node)
     return attrs.has(kind) and kind.__module__.startswith(f"{__name__.partition('.')[0]}.")
 
@@ -168,7 +168,7 @@ def _is_one(value: Any) -> bool:
 
 
 def _number(value: int | float) -> str:
-    """Return the same text for an integer and the float that is the same number."""
+    """Return a number as text, the same for an integer and an equal float."""
     try:
         return float(value).hex() if float(value) == value or value != value else repr(value)
     except OverflowError:
@@ -180,7 +180,7 @@ def _digest(leaf: Leaf) -> bytes:
 
 
 def _sum(leaves: Iterable[Leaf]) -> int:
-    """Return one number for entries in any order, so that a few can be exchanged in no time."""
+    """Return one number for entries in any order, so that a few can be exchanged quickly."""
     return sum(int.from_bytes(_digest(leaf)) for leaf in leaves)
 
 

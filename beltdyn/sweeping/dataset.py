@@ -42,7 +42,7 @@ class _Rows:
 
 
 class Table:
-    """What the runs of a sweep gave so far."""
+    """Results of the runs of a sweep so far."""
 
     def __init__(self, points: Points, words_of: dict[str, tuple[str, str]]) -> None:
         n = len(points.rows)
@@ -148,7 +148,7 @@ class _Joined:
         self.quantities: dict[str, Quantity] = {}
 
     def join(self, layout: Layout) -> str:
-        """Add the quantities of a layout; give a message, and add none, if they do not fit."""
+        """Add the quantities of a layout; if they do not fit, add none and return a message."""
         axes, quantities = dict(self.axes), dict(self.quantities)
         for one in layout.quantities:
             known = quantities.get(one.name)

@@ -1,4 +1,4 @@
-"""Handing out the runs of a sweep: in batches, to workers that may die, some after others."""
+"""Dispatch of the runs of a sweep, in batches, to workers that may die."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _LOOK = 1.0
 
 
 class Dispatch:
-    """The runs of a sweep on their way through the workers.
+    """Dispatch of the runs of a sweep to its workers.
 
     Args:
         pool: The workers.
-        job: What the runs have in common.
+        job: Data common to all runs.
         rows: The values of each run.
         order: The runs to do, in this order.
         after: The run from whose end each starts, -1: none.
@@ -100,7 +100,7 @@ class Dispatch:
             raise
 
     def _size(self) -> int:
-        """Return the runs of the next batch: of the time wanted, and enough batches at the end."""
+        """Return the number of runs of the next batch, for the time wanted; smaller at the end."""
         if self._mean is None:
             return 1
         wanted = self._pool.seconds / max(self._mean, 1e-6)
@@ -172,7 +172,7 @@ class Dispatch:
             self._mean = mean if old is None else (1.0 - _LAST) * old + _LAST * mean
 
     def _end(self, run: int, outcome: Outcome) -> None:
-        """Hand over what a run gave; runs that start from its end can follow."""
+        """Hand over the outcome of a run; runs that start from its end can follow."""
         self._left -= 1
         self._starts.pop(run, None)
         self._done(run, outcome)
@@ -200,7 +200,7 @@ class Dispatch:
                 self._suspects.append(run)
 
     def _abandon(self) -> None:
-        """End what is on its way; take what has ended."""
+        """Stop running batches; take those that have ended."""
         cancelled = {future for future in self._flying if future.cancel()}
         self._pool.stop()
         if not self._pool.remote:

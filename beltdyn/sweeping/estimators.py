@@ -22,15 +22,15 @@ _HARMONICS, _RUNS_PER_HARMONIC = 10, 8
 #: A range of values below this part of the largest is rounding.
 _CONSTANT = 1e-12
 
-FEW, CONSTANT = "few", "constant"
+TOO_FEW, CONSTANT = "few", "constant"
 
 
 class Design(NamedTuple):
-    """What of the design of a sweep its analysis needs.
+    """Data of the design of a sweep for its analysis.
 
     Attributes:
-        names: Of the parameters (k,).
-        groups: How many groups of runs, or runs, there are.
+        names: Names of the parameters (k,).
+        groups: Number of groups of runs, or of runs.
         size: Runs of a group: k + 2 or 2 k + 2, of samples without groups 1.
         second_order: Whether groups serve second indices.
     """
@@ -42,17 +42,17 @@ class Design(NamedTuple):
 
     @property
     def runs(self) -> int:
-        """How many runs there are."""
+        """Number of runs."""
         return self.groups * self.size
 
     @property
     def least(self) -> int:
-        """Groups, or runs, that are needed."""
+        """Smallest number of groups, or runs."""
         return _LEAST_GROUPS if self.size > 1 else _HARMONICS * _RUNS_PER_HARMONIC
 
     @property
     def unit(self) -> str:
-        """What is left out as a whole where a run has no value."""
+        """Name of the unit left out where a run has no value."""
         return "groups" if self.size > 1 else "runs"
 
 
@@ -72,7 +72,7 @@ class Indices:
 
 
 def by_groups(design: Design, options: dict[str, Any]) -> Callable[[Array], Indices]:
-    """Return what analyses the values of Saltelli's groups (groups, size).
+    """Return the function that analyses the values of Saltelli's groups (groups, size).
 
     Args:
         design: With groups.
@@ -97,7 +97,7 @@ def by_groups(design: Design, options: dict[str, Any]) -> Callable[[Array], Indi
 
 
 def by_runs(design: Design, inputs: Array, options: dict[str, Any]) -> Callable[[Array], Indices]:
-    """Return the analysis of values of runs (runs, 1) whose parameters are ``inputs`` (runs, k)."""
+    """Return the function that analyses values (runs, 1) for parameters ``inputs`` (runs, k)."""
     rbd_fast = optional_module("SALib.analyze.rbd_fast", "sensitivity", "sensitivity")
     keys = {"first": "S1", "first_conf": "S1_conf"}
 
@@ -115,7 +115,7 @@ def by_runs(design: Design, inputs: Array, options: dict[str, Any]) -> Callable[
 
 def _reason(values: Array, design: Design) -> str:
     if len(values) < design.least:
-        return FEW
+        return TOO_FEW
     constant = np.ptp(values) <= _CONSTANT * np.abs(values).max()
     return CONSTANT if constant else ""
 

@@ -59,7 +59,7 @@ class SweepFile:
     Attributes:
         scene: The scene.
         over: What is changed, as :func:`beltdyn.sweep` takes it.
-        measure: What is measured.
+        measure: Measured quantities.
         arguments: Others of :func:`beltdyn.sweep`.
     """
 

@@ -1,4 +1,4 @@
-"""Texts that tell Python values and functions apart by their content, in any process.
+"""Texts that identify Python values and functions by their content, in any process.
 
 A function is known by its code, its defaults, what it encloses, and what it uses of its globals and
 of what it imports, of the user's modules as deep as they go; of installed packages by name and
@@ -30,7 +30,7 @@ _BY_TEXT = frozenset(("__import__", "import_module"))
 
 
 class NoKeyError(ValueError):
-    """Something whose content cannot be known: a compiled function, an object that has none."""
+    """The content of an object cannot be known, as of a compiled function."""
 
 
 def token(value: Any) -> str:
@@ -51,7 +51,7 @@ def _short(text: str) -> str:
 
 
 class _Walk:
-    """A way through a value; what holds itself is called by its depth there, so that it ends."""
+    """A traversal of a value; objects that hold themselves are named by their depth."""
 
     def __init__(self) -> None:
         #: What the way has gone into, and where.
@@ -142,7 +142,7 @@ class _Walk:
         return self._all([function.__defaults__, function.__kwdefaults__, cells])
 
     def _used(self, code: types.CodeType, known: dict[str, Any]) -> str:
-        """Return the globals that a function uses, and what it uses of the user's modules."""
+        """Return the globals that a function uses, and its uses of the user's modules."""
         names, inside, imports = _names(code)
         if not _BY_TEXT.isdisjoint((*names, *inside)):
             raise NoKeyError(
@@ -226,7 +226,7 @@ def _reduced(value: Any) -> Any:
 
 
 def _is_slot(value: Any) -> bool:
-    """Whether something in a class is only the place of a field."""
+    """Whether an attribute of a class is only the slot of a field."""
     return isinstance(value, (types.MemberDescriptorType, types.GetSetDescriptorType))
 
 
@@ -255,7 +255,7 @@ def _imported(one: _Import, code: types.CodeType, known: dict[str, Any]) -> Any:
 def _names(
     code: types.CodeType,
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[_Import, ...]]:
-    """Return globals, attributes and imports that a function and those within it name."""
+    """Return the globals, attributes and imports named in a function and those within it."""
     names: set[str] = set()
     inside: set[str] = set()
     imports: set[_Import] = set()

@@ -1,4 +1,4 @@
-"""What is measured in each run of a sweep: by names, or by a function of the user's."""
+"""Measured quantities of a run of a sweep: by name, or by a function of the user's."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class Measure:
 
     @property
     def names(self) -> set[str]:
-        """What quantities are called, as far as this is known before a run."""
+        """Names of the quantities, as far as they are known before a run."""
         return {called for called, _ in (*self.named, *self.functions)}
 
     def of(self, result: Result) -> tuple[Layout, Array, tuple[str, ...]]:
@@ -263,7 +263,7 @@ def _tables() -> dict[str, tuple[str, str, str]]:
 
 
 def _split(name: str) -> tuple[str, str | None]:
-    """Split a name into that of a history and what it is reduced to."""
+    """Split a name into that of a history and of its reduction, as "mean"."""
     known = _tables()
     if name in known:
         return name, None
@@ -377,7 +377,7 @@ def _reduced(window: Window, values: Array, how: str) -> Any:
 
 
 def _given(name: str, value: Any) -> list[Found]:
-    """Take what a function gave: a number, a text, an array, a labelled array, or several."""
+    """Take the value of a function: a number, a text, an array, a labelled array, or several."""
     if isinstance(value, Mapping):
         return [one for key, inner in value.items() for one in _given(f"{name}.{key}", inner)]
     if value is None:

@@ -1,4 +1,4 @@
-"""Names of what a sweep changes: numbers of the drive, loads, motions, options of the run.
+"""Names of the values a sweep changes: numbers of the drive, loads, motions, options.
 
 ``"belt.preload"`` and all others of :mod:`beltdyn.drive.parameters`; ``"torque.scale"``, a factor
 on all set torques; ``"torque[1].quadratic"``, a field of the second torque of a sum, as [[torque]]
@@ -215,7 +215,7 @@ def _torque_with(torque: TorqueLike, changes: list[tuple[Path, Any]]) -> TorqueL
 
 
 def _rank(change: tuple[Path, Any]) -> int:
-    """Order changes: what replaces all of it, its fields, factors on its parts, on all of it."""
+    """Return the order of a change: the whole, its fields, factors on parts, on the whole."""
     path = change[0]
     if path and path[-1] == _SCALE:
         return 3 if len(path) == 1 else 2

@@ -1,4 +1,4 @@
-"""What a run of a sweep gives: its numbers and texts in a row, and what stands where in it."""
+"""Outcome of a run of a sweep: its numbers and texts in a row, and the layout of the row."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Axis(NamedTuple):
         name: Such as "pulley" or "time".
         labels: Names or numbers along it; empty: they are only counted.
         size: How many.
-        units: Of numbers.
+        units: Unit of numbers.
         text: What it is.
     """
 
@@ -49,7 +49,7 @@ class Axis(NamedTuple):
 
 
 class Quantity(NamedTuple):
-    """A measured quantity: what it is called, its axes, its unit; of numbers or texts."""
+    """A measured quantity: its name, axes and unit; of numbers or texts."""
 
     name: str
     axes: tuple[Axis, ...]
@@ -64,7 +64,7 @@ class Quantity(NamedTuple):
 
     @property
     def size(self) -> int:
-        """How many numbers or texts it has."""
+        """Number of its numbers or texts."""
         return math.prod(self.shape)
 
 
@@ -76,12 +76,12 @@ class Layout:
 
     @property
     def numbers(self) -> int:
-        """How many numbers a row has."""
+        """Number of numbers in a row."""
         return sum(one.size for one in self.quantities if not one.words)
 
     @property
     def words(self) -> int:
-        """How many texts a row has."""
+        """Number of texts in a row."""
         return sum(one.size for one in self.quantities if one.words)
 
 
@@ -90,18 +90,18 @@ NOTHING = Layout(())
 
 @attrs.frozen(eq=False, kw_only=True)
 class Outcome:
-    """How a run ended, and what it gave.
+    """How a run ended, and its results.
 
     Attributes:
         status: One of :data:`STATUSES`.
         message: Why it did not finish, in one line; "".
         warnings: Warnings of the run, one in a line.
-        layout: Of the row; :data:`NOTHING` unless it finished.
+        layout: Layout of the row; :data:`NOTHING` unless it finished.
         numbers: The row.
         words: Its texts.
         kernels: Level of the kernels that computed it.
-        certain: Whether it would end so on any machine. What a torque function or a measure raises
-            may be due to this one; what is refused costs nothing to refuse again.
+        reproducible: Whether it would end so on any machine. What a torque function or a measure
+            raises may be due to this one; what is refused costs nothing to refuse again.
         final: The state at its end as numbers, if another run starts from it; else empty.
     """
 
@@ -112,7 +112,7 @@ class Outcome:
     numbers: Array = attrs.field(factory=lambda: np.zeros(0))
     words: tuple[str, ...] = ()
     kernels: str = ""
-    certain: bool = True
+    reproducible: bool = True
     final: Array = attrs.field(factory=lambda: np.zeros(0))
 
 

@@ -1,4 +1,4 @@
-"""The points of a sweep: which values its runs have, and how they are laid out."""
+"""The points of a sweep: the values of its runs, and their layout."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Points:
     """All runs of a sweep.
 
     Attributes:
-        names: What is swept.
+        names: Swept names.
         axes: Of a grid, the values of each name; empty for any other.
         rows: The values of each run, in the order of the names.
         design: How they were chosen, in plain words and numbers.
@@ -125,5 +125,5 @@ def _values(name: str, values: Any) -> tuple[Any, ...]:
 
 
 def as_json(design: Mapping[str, Any]) -> str:
-    """Write a design as text, which an attribute of a file can hold."""
+    """Write a design as text, for an attribute of a file."""
     return json.dumps(design, sort_keys=True)

@@ -28,7 +28,7 @@ class Samples:
     """Values of some parameters for many runs; ``bd.sweep`` takes it as ``over``.
 
     Attributes:
-        names: Of the parameters (k,).
+        names: Names of the parameters (k,).
         values: A row for each run (n, k), constant, in the units of the parameters.
         design: How they were made, plain values that JSON can hold: "method"; "n", the number
             asked for; "seed"; "second_order"; "names"; "distributions", texts by name.
@@ -158,7 +158,7 @@ def _shares(names: tuple[str, ...], n: int, method: str, seed: int, second_order
 
 
 def _quantiles(ranges: object) -> tuple[dict[str, Callable[[Array], Any]], dict[str, str]]:
-    """Check the ranges; give what makes values of shares, and the ranges as text, by name."""
+    """Check the ranges; return quantile functions, and the ranges as text, by name."""
     if not isinstance(ranges, Mapping):
         raise TypeError(f"ranges must be a dict by parameter, got {shown(ranges)}")
     if not ranges:

@@ -1,4 +1,4 @@
-"""Which parameters a quantity of a sweep depends on: Sobol' indices, by SALib."""
+"""Sensitivity of quantities of a sweep to parameters: Sobol' indices, by SALib."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ _SHOWN = 12
 class Sensitivity:
     """First and total Sobol' indices of a quantity.
 
-    The first index of a parameter is the share of the quantity's variance that it makes alone; the
-    total index adds all that it makes together with others. ``print`` shows them in a table.
-    All are ``xarray.DataArray`` over "parameter" and the quantity's own dimensions.
+    The first index of a parameter is the share of the quantity's variance due to it alone; the
+    total index adds its interactions with others. ``print`` shows them in a table. All are
+    ``xarray.DataArray`` over "parameter" and the quantity's own dimensions.
 
     Attributes:
-        quantity: Name of what was looked at.
+        quantity: Name of the quantity.
         first: First indices [1]; NaN where there are none, ``notes`` says why.
         first_conf: Half width of their confidence interval [1].
-        confidence: Of the interval, such as 0.95.
+        confidence: Confidence level of the intervals, such as 0.95.
         used: Groups of runs, or runs, that the indices are of, by the quantity's own dimensions.
         method: The estimator.
         notes: What was left out, and what has no index.
@@ -54,7 +54,7 @@ class Sensitivity:
         """Total indices [1].
 
         Raises:
-            AttributeError: The samples do not give them.
+            AttributeError: The samples do not allow them.
         """
         return self._of_groups("total")
 
@@ -65,7 +65,7 @@ class Sensitivity:
 
     @property
     def second(self) -> Any:
-        """Second indices [1] over "parameter" and "other": what two make together; as ``total``.
+        """Second indices [1] over "parameter" and "other": interactions of two; as ``total``.
 
         The smaller of the two comes first; NaN elsewhere.
         """
@@ -99,7 +99,7 @@ class Sensitivity:
         return xarray.Dataset({**arrays, "used": self.used}, attrs=attributes)
 
     def to_frame(self) -> Any:
-        """Return a ``pandas.DataFrame``: a row a parameter and entry, a column an index.
+        """Return a ``pandas.DataFrame``, a row a parameter and entry, a column an index.
 
         Second indices, which are of two parameters, are in ``second`` alone.
         """
@@ -150,10 +150,10 @@ def sensitivity(
     group; the indices are then those of the drives that run, and the notes say how many.
 
     Args:
-        dataset: What ``bd.sweep`` gives for ``bd.sample``, or a part of its runs.
+        dataset: The result of ``bd.sweep`` over ``bd.sample``, or a part of its runs.
         quantity: Name of a variable of numbers; None: the only one there is. Each entry of its own
             dimensions, such as "pulley", has its own indices.
-        confidence: Of the intervals, between 0 and 1.
+        confidence: Confidence level of the intervals, between 0 and 1.
         resamples: Resampled sets that the intervals are estimated by.
         seed: Integer >= 0 that these follow from.
 
@@ -302,7 +302,7 @@ def _check_enough(dataset: Any, found: Sequence[Indices], design: Design, name: 
 
 
 def _failures(dataset: Any) -> str:
-    """Return " (3 runs failed, 2 were refused)" from the states of the runs, or nothing."""
+    """Return " (3 runs failed, 2 were refused)" from the states of the runs, or ""."""
     if "status" not in dataset:
         return ""
     states, counts = np.unique(dataset["status"].values.astype(str), return_counts=True)

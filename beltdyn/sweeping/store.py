@@ -106,11 +106,11 @@ class Store:
 
     def add(self, key: str, outcome: Outcome) -> None:
         """Keep an outcome; :meth:`tend` writes it soon."""
-        if outcome.status in _KEPT and outcome.certain:
+        if outcome.status in _KEPT and outcome.reproducible:
             self._waiting.append((key, outcome))
 
     def tend(self) -> None:
-        """Write what waits, if the last part is some time ago.
+        """Write waiting outcomes, if the last part is some time ago.
 
         Raises:
             OSError: A part cannot be written.
@@ -120,7 +120,7 @@ class Store:
             self.flush()
 
     def flush(self) -> None:
-        """Write what waits.
+        """Write waiting outcomes.
 
         Raises:
             OSError: A part cannot be written.

@@ -37,7 +37,7 @@ class SweepInterrupted(KeyboardInterrupt):
     """Ctrl-C during a sweep.
 
     Attributes:
-        dataset: What was done before; the other runs have the status "missing".
+        dataset: The runs finished before; the others have the status "missing".
     """
 
     def __init__(self, message: str, dataset: Any) -> None:
@@ -46,7 +46,7 @@ class SweepInterrupted(KeyboardInterrupt):
 
 
 class Swept(NamedTuple):
-    """A sweep that is done, and what it took.
+    """A finished sweep, and its cost.
 
     Attributes:
         dataset: The results.
@@ -91,7 +91,7 @@ def sweep(
         table["span_tension.least"].sel(span="span 0")
 
     A run that fails stops nothing: its numbers are NaN, and ``status``, ``message`` and
-    ``warnings`` of the result tell why. States that the belt settles into are shared by the runs
+    ``warnings`` of the result say why. States that the belt settles into are shared by the runs
     that differ in loads, motions and options alone.
 
     Every run gives the same bits wherever it is done, on processors of the same instruction level
@@ -101,7 +101,7 @@ def sweep(
         scene: What to run: a scene, or ``(params, torque_fn, t_end)`` with or without ``motion``,
             the name of a built-in scene, or a TOML file.
         over: What to change: ``{name: values}``, of which every combination is run; a list of
-            ``{name: value}``, one for each run; or what :func:`beltdyn.sample` gives. Names are
+            ``{name: value}``, one for each run; or the result of :func:`beltdyn.sample`. Names are
             those of the fields of :class:`beltdyn.Params`, "belt.preload", "friction.mu_k",
             "pulleys[1].inertia", "pulleys[crank].inertia", "pulleys[*].inertia" (of all),
             "pulleys[tensioner].mount.stiffness" ("belt.preload" takes the place of a length that
@@ -110,8 +110,8 @@ def sweep(
             of it; "motion.scale", "motion[crank].amplitudes[0]"; "t_end"; and arguments of
             :func:`beltdyn.simulate` such as "rtol". Values may also be objects: friction laws,
             torques.
-        measure: What each run gives: names, ``{name of your own: name or function}``, or a function
-            of the :class:`beltdyn.Result` that returns a number, a text, an array, an
+        measure: What to measure in each run: names, ``{name of your own: name or function}``, or a
+            function of the :class:`beltdyn.Result` that returns a number, a text, an array, an
             ``xarray.DataArray`` with dimensions and units, or a mapping of these; None: speeds,
             torques, powers, hub loads, tensions, creep and efficiency. Names are
             ``"report.<part>.<quantity>"`` of :meth:`beltdyn.Result.report` (of all rows, or of one:
@@ -137,7 +137,7 @@ def sweep(
             steady states that change slowly along it.
         last: The part of each run, counted from its end, that reports, means and extremes are of.
         progress: Whether to show progress on stderr (on terminals; needs ``rich``).
-        version: Anything that tells runs apart in the store that look alike.
+        version: Any value, to distinguish runs in the store that look alike.
         **options: ``t_end``, in place of that of the scene, and arguments of
             :func:`beltdyn.simulate` for all runs, such as ``t_eval``, ``method``, ``rtol``; not
             ``outputs``, which follow from ``measure``.
@@ -187,7 +187,7 @@ def run_sweep(
     version: str = "",
     **options: Any,
 ) -> Swept:
-    """Do a sweep, as :func:`sweep`, and tell what it took."""
+    """Do a sweep, as :func:`sweep`, and return its cost, too."""
     optional_module("xarray", "beltdyn.sweep", "sweep")
     base = as_scene(scene)
     points = as_points(over, combine)
@@ -349,7 +349,7 @@ def as_scene(scene: Any) -> Scene:
 
 
 def _check_names(scene: Scene, points: Points) -> dict[str, tuple[str, str]]:
-    """Check what is swept; give units and texts."""
+    """Check what is swept; return units and texts."""
     of_drive = [name for name in points.names if find(scene, name).root == "params"]
     for k, name in enumerate(of_drive):
         for other in of_drive[:k]:
@@ -386,7 +386,7 @@ def _chains(points: Points, warm: object) -> list[int]:
 
 
 def _order(scene: Scene, points: Points, runs: Sequence[int]) -> list[int]:
-    """Put runs of the same drive one after the other: they share the state it settles into."""
+    """Sort runs of the same drive together: they share its settled state."""
     of_drive = [k for k, name in enumerate(points.names) if find(scene, name).root == "params"]
     groups: dict[str, list[int]] = {}
     for run in runs:
@@ -408,7 +408,7 @@ def _kinds(scene: Scene, points: Points) -> set[str]:
 
 
 def _in_python(scene: Scene, points: Points, measure: Measure) -> str:
-    """Return why runs would keep the interpreter busy; "": they do not."""
+    """Return the reason why runs keep the interpreter busy, "" if they do not."""
     if "call" in _kinds(scene, points):
         return "the torque is a Python function"
     motions = as_motions(scene.motion, scene.params.pulley_names)

@@ -44,8 +44,8 @@ class Job:
     Attributes:
         scene: The scene before anything is changed.
         options: Arguments of simulate.
-        names: What is changed.
-        measure: What is measured.
+        names: Swept names.
+        measure: Measured quantities.
         chained: Whether runs may start from the end of others, so that final states are kept.
     """
 
@@ -60,7 +60,7 @@ class Batch(NamedTuple):
     """What a worker gives back.
 
     Attributes:
-        outcomes: Of its runs, in their order; fewer if it was interrupted.
+        outcomes: Outcomes of its runs, in their order; fewer if it was interrupted.
         seconds: Wall time of each of them [s].
         settled: States it settled, which later runs may share.
         interrupted: Whether it was.
@@ -128,7 +128,7 @@ class Work:
         """Do a run.
 
         Args:
-            values: Of what is changed.
+            values: Values of the swept names.
             before: Final state, as numbers, of the run whose end this one starts from.
 
         Raises:
@@ -138,7 +138,9 @@ class Work:
         try:
             drive, scene, options = self._scene(values)
         except (TypeError, ValueError) as error:
-            return Outcome(status="refused", message=_line(error), kernels=kernels, certain=False)
+            return Outcome(
+                status="refused", message=_line(error), kernels=kernels, reproducible=False
+            )
         try:
             result = self._simulate(values, drive, scene, options, before)
         except (SimulationError, ValueError, TypeError) as error:
@@ -153,7 +155,7 @@ class Work:
             return Outcome(
                 status="measure",
                 message=f"{type(error).__name__}: {_line(error)}{_where(error)}",
-                certain=False,
+                reproducible=False,
                 warnings=lines,
                 kernels=kernels,
                 final=final,
@@ -215,7 +217,7 @@ class Work:
 
 
 def _hashable(value: Any) -> Hashable:
-    """Return something that differs where values differ, for looking up what was made of them."""
+    """Return a hashable key for a value; it differs where values differ."""
     try:
         hash(value)
     except TypeError:
@@ -245,7 +247,7 @@ def _failed(error: Exception, scene: Scene, kernels: str, prefix: str = "") -> O
     return Outcome(
         status=status,
         message=prefix + _line(error),
-        certain=isinstance(error, SimulationError),
+        reproducible=isinstance(error, SimulationError),
         warnings="\n".join(map(str, known)),
         kernels=kernels,
     )

@@ -1,1 +1,1 @@
-"""How far off a run is, from other runs; and what those will cost."""
+"""The error of a run, from other runs; and what those will cost."""

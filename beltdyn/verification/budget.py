@@ -49,7 +49,7 @@ class _TooLong(Exception):
 
 @attrs.frozen(kw_only=True)
 class Plan:
-    """What was chosen for a budget.
+    """The setting chosen for a budget.
 
     Attributes:
         params: The drive, on the mesh chosen.
@@ -75,7 +75,7 @@ class Plan:
 
     @property
     def expected(self) -> Expected:
-        """What the result will say of its errors."""
+        """The errors expected, for the result."""
         return Expected(quantity=_QUANTITY, space=self.forecast.space, time=self.forecast.time)
 
     def __str__(self) -> str:
@@ -143,7 +143,7 @@ def plan(
         initial: State to start from; the mesh is then fixed.
         t_eval: Sample times (n_t,) [s].
         options: Further keywords of the run.
-        clock: Gives the CPU time of this thread [s].
+        clock: Returns the CPU time of this thread [s].
 
     Raises:
         ValueError: Not even the coarsest run fits; the message says how much it would take.

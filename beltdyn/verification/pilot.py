@@ -1,4 +1,4 @@
-"""What a run will cost and how far off it will be, from cheap runs on coarse meshes.
+"""Forecasts of the cost and the error of a run, from cheap runs on coarse meshes.
 
 The error in space falls as a power of the number of links; it is seen from meshes each twice as
 fine as the one before. The error in time of a method and tolerance is measured against a tight run
@@ -85,7 +85,7 @@ _FINEST = 10_000
 
 @attrs.frozen(kw_only=True)
 class Forecast:
-    """What to expect of a setting.
+    """Forecast of a setting.
 
     Attributes:
         setting: The setting.
@@ -109,12 +109,12 @@ class Pilot:
     """Cheap runs of a scene, and forecasts from them.
 
     Args:
-        run: Gives the run at a setting, as :class:`beltdyn.verification.runs.Runs` does.
+        run: Returns the run at a setting, as :class:`beltdyn.verification.runs.Runs` does.
         params: The drive.
         quantity: One of ``QUANTITIES``, of which errors are meant.
         fixed: Whether the number of links stays that of the drive; errors in space are then NaN.
         limit: CPU time after which no further run begins [s].
-        clock: Gives the CPU time of this thread [s].
+        clock: Returns the CPU time of this thread [s].
 
     Attributes:
         meshes: Numbers of links tried.
@@ -193,7 +193,7 @@ class Pilot:
         return self.spent + seconds <= self._limit
 
     def off(self, seen: Observed) -> float:
-        """Return how far a run is from that on the finest mesh tried [1]."""
+        """Return the difference of a run to that on the finest mesh tried [1]."""
         return self._difference(seen, self._finest)
 
     def _difference(self, a: Observed, b: Observed) -> float:
@@ -248,8 +248,8 @@ class Pilot:
             self.space_errors = np.maximum(self.space_errors, least).tolist()
 
     def _free(self, done: Done) -> float:
-        """Return the mesh error that the result of a run states, of the tension if of no other."""
-        known = (done.told[name].space for name in (self._quantity, "tension"))
+        """Return the error of the mesh in the result of a run, of the tension if of no other."""
+        known = (done.accuracy[name].space for name in (self._quantity, "tension"))
         return next((space for space in known if space is not None), math.inf)
 
     def _near(self, error: float) -> bool:
@@ -258,7 +258,7 @@ class Pilot:
 
     @property
     def most(self) -> int:
-        """The most links that forecasts go to."""
+        """Largest number of links of forecasts."""
         if self._fixed:
             return self.meshes[-1]
         beyond = _BEYOND if self.order >= _TRUSTED else 1.0
@@ -306,7 +306,7 @@ class Pilot:
         """Find errors in time where tight runs take too long: by one loose run, or none."""
         probes = (one for n_b in reversed(meshes) if (one := self._probe(n_b)) is not None)
         for probe in probes:
-            self.time_mesh, claim = probe.n_bodies, self._done[probe].told["tension"].time
+            self.time_mesh, claim = probe.n_bodies, self._done[probe].accuracy["tension"].time
             error = probe.rtol if claim is None else claim
             self.time_errors = {(probe.method, probe.rtol): error}
             if not self._affords(0.0) or self._loose(probe, math.inf):
@@ -405,11 +405,11 @@ class Pilot:
         return float(cost[-1] * (n_bodies / meshes[-1]) ** float(np.clip(growth, *_GROWTH)))
 
     def forecast(self, setting: Setting) -> Forecast:
-        """Return what to expect of a setting of :meth:`settings`."""
+        """Return the forecast of a setting of :meth:`settings`."""
         return Forecast(
             setting=setting,
             seconds=self.seconds(setting),
-            # results tell errors no better
+            # results know errors no better
             space=math.nan if self._fixed else max(SPACE_FLOOR, self.space_error(setting.n_bodies)),
             time=max(TIME_FLOOR, self._there(setting.method, setting.rtol)[0]),
         )
@@ -424,7 +424,7 @@ class Pilot:
         return one
 
     def _worse(self, n_bodies: int) -> bool:
-        """Try a mesh between others, if affordable; tell whether it is worse than thought."""
+        """Try a mesh between others, if affordable; return whether it is worse than thought."""
         if n_bodies in self.meshes or not self.meshes[0] < n_bodies < self.meshes[-1]:
             return False
         if not self._affords(_DOUBLED * self._probe_cost(n_bodies)):

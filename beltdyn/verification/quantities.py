@@ -1,4 +1,4 @@
-"""What engineers read off a run, and how two runs differ in it.
+"""Quantities that engineers read off a run, and their differences between two runs.
 
 None of it depends on the number of links, so that runs on different meshes can be compared.
 """
@@ -49,14 +49,14 @@ OBSERVED = (
 #: Least scale of creep, 0.1 %: slip is measured no better, and unloaded belts have none.
 CREEP = 1e-3
 #: Least scale of friction forces, as a share of the mean tension.
-FAINT = 1e-2
-#: A belt slower than this share of its highest speed stands still: creep is given relative to that.
-STANDS = 1e-3
+MIN_FRICTION = 1e-2
+#: Share of its highest speed below which a belt stands still: creep is then relative to that.
+STANDSTILL_SPEED = 1e-3
 
 
 @attrs.frozen(eq=False, kw_only=True)
 class Observed:
-    """What is read off a run.
+    """Quantities read off a run.
 
     Attributes:
         t: Sample times (n_t,) [s].
@@ -65,9 +65,9 @@ class Observed:
             one pulley the mean of all joints.
         speed: Angular velocities of the pulleys (n_t, n_p) [rad/s].
         span_mean: Mean of ``tension`` over the last part (n_p,) [N].
-        creep: Speed lost against the fastest rim in the last part (n_p,) [1]: the difference of the
-            rims' mean speeds omega_k r_k, over the mean of the fastest rim's absolute speed. 0 for
-            a belt that never moved.
+        creep: Creep of each pulley relative to the fastest rim, in the last part (n_p,) [1]: the
+            difference of the rims' mean speeds omega_k r_k, over the mean of the fastest rim's
+            absolute speed. 0 for a belt that never moved.
         friction: Mean friction torque on each pulley over its radius (n_p,) [N], in the last part.
         power: Mean power of the torque set on each pulley, and last of friction against slip,
             positive for what is lost (n_p + 1,) [W], in the last part.
@@ -126,7 +126,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
     power = np.column_stack([result.pulleys.torque * omega, lost])
     means = _time_mean(tension, late)
     rims = np.abs(omega * radii)
-    speed = max(float(np.max(_time_mean(rims, late))), STANDS * float(np.max(rims)))
+    speed = max(float(np.max(_time_mean(rims, late))), STANDSTILL_SPEED * float(np.max(rims)))
     turning = result._rims()
     assert turning is not None  # it is among OBSERVED
     creep = _creep(_time_mean(turning, late) * radii * params.route.senses, speed)
@@ -145,7 +145,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
             "speed": float(np.max(np.abs(omega))),
             "span_mean": abs(overall),
             "creep": max(CREEP, float(np.max(np.abs(creep)))),
-            "friction": max(force, FAINT * abs(overall)) if params.has_friction else 0.0,
+            "friction": max(force, MIN_FRICTION * abs(overall)) if params.has_friction else 0.0,
             "power": float(np.max(np.abs(power[:, :-1]))),
         },
     )
@@ -155,8 +155,8 @@ def differences(a: Observed, b: Observed, until: float | None = None) -> dict[st
     """Return how far two runs differ, by quantity, relative to the scales of ``b`` [1].
 
     Of histories, the root mean square over time and pulleys; of means, the largest difference of a
-    pulley. A quantity that has no scale in either run, such as the speed of a belt at rest, gives
-    0; one that could not be read off, such as the tension of a span that is gone, NaN.
+    pulley. A quantity that has no scale in either run, such as the speed of a belt at rest, has 0;
+    one that could not be read off, such as the tension of a span that is gone, NaN.
 
     Args:
         a: A run.

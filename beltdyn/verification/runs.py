@@ -1,4 +1,4 @@
-"""Runs of a scene at given settings: their CPU time, and what is read off them."""
+"""Runs of a scene at given settings: their CPU time and quantities."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ class Done:
     Attributes:
         cpu: CPU time without settling [s].
         steps: Steps, rejected ones included.
-        seen: What is read off it.
-        told: What its result tells of its accuracy.
+        seen: Quantities read off it.
+        accuracy: ``accuracy`` of its result.
     """
 
     cpu: float
     steps: int
     seen: Observed
-    told: Accuracy
+    accuracy: Accuracy
 
 
 class Runs:
@@ -84,7 +84,7 @@ class Runs:
         last: Part of the run that means are taken over.
         initial: State to start from, which fits one mesh only; None: the belt at rest.
         options: Further keywords of every run.
-        clock: Gives the CPU time of this thread [s].
+        clock: Returns the CPU time of this thread [s].
 
     Attributes:
         settling: CPU time of settling on the meshes so far [s].
@@ -134,7 +134,7 @@ class Runs:
             cpu=result.stats.cpu_time,
             steps=result.stats.steps + result.stats.rejected,
             seen=observe(result, self._last),
-            told=result.accuracy,
+            accuracy=result.accuracy,
         )
 
     def start(self, n_bodies: int) -> State | None:

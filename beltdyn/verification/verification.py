@@ -61,14 +61,14 @@ JUDGED = 0.1
 
 _SPEEDS = ("vx", "vy", "vphi", "v", "p", "omega")
 
-#: ``simulate`` without verification; it also gives the state from which the run started.
+#: ``simulate`` without verification; it also returns the state from which the run started.
 Run = Callable[..., tuple[Result, State]]
 Settle = Callable[..., State]
 
 
 @attrs.frozen
 class _Check:
-    """What is kept of a run that verifies another."""
+    """Data kept of a run that verifies another."""
 
     name: str
     observed: Observed
@@ -124,7 +124,7 @@ class Verification:
         self._meshes[ratio] = pool.submit(self._in_thread, self._on_mesh, ratio)
 
     def watch(self, reached: Reached) -> None:
-        """Let the check in time begin, the dearest run, as soon as its method can be chosen."""
+        """Start the check in time, the longest run, as soon as its method can be chosen."""
         start, end = reached.start.t, float(self._loads[1])
         part = (reached.t - start) / (end - start)
         if self._pool is None or self._in_time is not None or part < BEGUN:
@@ -241,7 +241,7 @@ class Verification:
         return tuple(errors)
 
     def _of_contact(self, observed: Observed) -> dict[str, float]:
-        """Return what the compliance of the contact changes, under the load of the last part."""
+        """Return the effect of the compliance of the contact, under the load of the last part."""
         tension = observed.span_mean
         if not (np.isfinite(tension).all() and tension.min() >= 0.0 and tension.max() > 0.0):
             return compliance_error(self._params)
@@ -253,7 +253,7 @@ class Verification:
     # --- the runs ---
 
     def _time(self, methods: Sequence[str], start: State) -> _Check | str:
-        """Return what a tighter integration of the same mesh shows, by the first to get through."""
+        """Return the error in time by a tighter integration on the same mesh, first to finish."""
         tried = ""
         for method in methods:
             if self._in_time is not None and self._in_time[0] == method:
@@ -266,7 +266,7 @@ class Verification:
         return f"error in time not verified: {tried}"
 
     def _explicit_steps(self, duration: float) -> float:
-        """Return how many steps "tsit5" takes where stability limits them."""
+        """Return the number of steps that "tsit5" takes where stability limits them."""
         return duration * self._params.info["spectral_bound"] / STABLE
 
     def _methods(self, used: str, steps: float, duration: float) -> list[str]:
@@ -294,7 +294,7 @@ class Verification:
         return max(3, round(ratio * self._params.n_bodies))
 
     def _finer(self, n_bodies: int) -> float:
-        """Return how much finer a mesh of so many links is; by cells on pulleys, of which it is."""
+        """Return the refinement of a mesh of so many links; of cells, by those on pulleys."""
         own, flows = self._params, self._params._belt_facts["flows"]
         spans = len(own.pulleys) if flows else 0
         if flows:
@@ -302,7 +302,7 @@ class Verification:
         return (n_bodies - spans) / (own.n_bodies - spans)
 
     def _mesh(self, ratio: float) -> _Check | str:
-        """Return what another mesh shows, run here unless the other thread has begun it."""
+        """Return the run on another mesh, done here unless the other thread has begun it."""
         future = self._meshes.get(ratio)
         if future is None or future.cancel():
             return self._on_mesh(ratio)
@@ -343,7 +343,7 @@ class Verification:
     def _checked(
         self, name: str, params: Params, start: State | None, **options: Any
     ) -> _Check | str:
-        """Run; an error, also of a user's function, is given as text: the main result is kept."""
+        """Run; errors, also of a user's function, are returned as text: the main result is kept."""
         torque_fn, t_end, motion = self._loads
         options = {**self._options, "step": None, "max_steps": None, **options}
         try:
@@ -398,13 +398,13 @@ def _same(one: State, other: State, scale: float) -> bool:
 
 
 def _apart_from(result: Result) -> float | None:
-    """Return when histories begin to part exponentially [s], None if they were not seen to."""
+    """Return the time when histories begin to diverge [s], None if they do not."""
     times = [one.t for one in result.warnings if one.code == "growth" and one.t is not None]
     return min(times, default=None)
 
 
 def _until(result: Result, observed: Observed, in_time: _Check | str, limit: float) -> float | None:
-    """Return the time from which on histories part, seen by either run or in their difference."""
+    """Return the time from which histories diverge, by either run or by their difference."""
     times = [_apart_from(result)]
     if isinstance(in_time, _Check):
         times += [in_time.apart_from, _parting(observed, in_time.observed, limit)]
@@ -414,7 +414,7 @@ def _until(result: Result, observed: Observed, in_time: _Check | str, limit: flo
 def _parting(a: Observed, b: Observed, limit: float) -> float | None:
     """Return the last time at which tensions differ by a tenth of a limit exceeded later.
 
-    The limit is relative to the mean tension, and far beyond what the tolerance explains.
+    The limit is relative to the mean tension, and far beyond the error of the tolerance.
     """
     apart = np.sqrt(np.mean((a.tension - b.tension) ** 2, axis=1))
     beyond = np.flatnonzero(apart > limit * b.scales["tension"])

@@ -1,4 +1,4 @@
-"""How many eigenvalues a part of the complex plane holds, without finding any.
+"""The number of eigenvalues in a part of the complex plane, without finding any.
 
 By the principle of the argument: as z goes round a region once, det(z - J) turns once round 0 for
 each eigenvalue inside. A sparse LU gives its argument. det is divided by z^m first, m the number of

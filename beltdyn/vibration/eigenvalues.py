@@ -138,7 +138,7 @@ def search(
 
 
 def _joined(one: Found, other: Found, same: float) -> Found:
-    """Both, those that are in both once."""
+    """Join two sets of eigenvalues; those in both count once."""
     new = [k for k, value in enumerate(other[0]) if not (abs(one[0] - value) < same).any()]
     return np.append(one[0], other[0][new]), np.hstack([one[1], other[1][:, new]])
 

@@ -1,4 +1,4 @@
-"""How far a state is from equilibrium, or from running steadily.
+"""Distance of a state from equilibrium, or from steady running.
 
 At rest what is left over are the forces of the state's rate. A running belt is steady in places
 fixed in space only, and only over the passing of a link: at one moment the polygon of links leaves
@@ -32,7 +32,7 @@ RTOL = 1e-5
 def imbalance(
     params: Params, state: State, torque: TorqueLike | None, prescribed: tuple[int, ...]
 ) -> tuple[float, str]:
-    """Return the largest force left over against the belt's tension, and on what.
+    """Return the largest unbalanced force over the belt's tension, and where it acts.
 
     Torques count as forces at the rim of a pulley, or at a mount's axis. Without torques those that
     keep the pulleys' speeds are taken as constant: nothing is left over on pulleys.
@@ -63,7 +63,7 @@ def imbalance(
 def _forces(
     params: Params, rate: Mapping[str, Any], core: Mapping[str, Any], held: tuple[int, ...]
 ) -> list[tuple[float, str]]:
-    """Return the forces left over [N], each with what it acts on."""
+    """Return the unbalanced forces [N], each with what it acts on."""
     if params._belt_facts["flows"]:
         beside = np.asarray(core["m"])
         mass = params.belt.linear_density * 0.5 * (beside + np.roll(beside, 1))

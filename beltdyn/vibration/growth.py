@@ -1,4 +1,4 @@
-"""Motions that grow without oscillating, or while they hardly do.
+"""Motions that grow without oscillating, or hardly oscillating.
 
 The search for modes (:mod:`.eigenvalues`) sees what lies round the imaginary axis, growing or
 decaying. What lies nearer to the positive real axis than some 12 degrees it does not see. Searched
@@ -28,7 +28,7 @@ def growing(
 ) -> tuple[Found, complex | None, bool]:
     """Find what grows, its turning on the mesh aside, of rates within a band [1/s].
 
-    Gives eigenvalues of a real part > 0 and an imaginary part >= 0 that are none of ``found``, the
+    Returns eigenvalues with a real part > 0 and an imaginary part >= 0 that are not in ``found``,
     fastest first; that of the drive turning as a whole if nothing but the mesh makes it grow (see
     :func:`.turning.turning_of`); and whether all have converged.
     """

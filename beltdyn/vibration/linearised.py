@@ -44,8 +44,8 @@ __all__ = [
 
 Complex = NDArray[np.complex128]
 
-#: Slower than this share of the rate at which the slowest wave passes links, the belt is at rest.
-CRAWL = 1e-6
+#: Share of the wave speed below which the belt is at rest.
+STANDSTILL_SPEED = 1e-6
 _SPEEDS = ["vx", "vy", "vphi", "v", "p", "omega", "travel_speed", "rim_speed"]
 #: Of which each link, or each state of friction of a link, has one.
 LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
@@ -75,7 +75,7 @@ class Linear:
         unit: Size of each unknown that goes with a motion of the belt by 1 m; of velocities the
             same a second.
         passing: Links that pass a place per second, a; 0 at rest, and of cells [1/s].
-        speed: Of the belt along its numbering [m/s], 0 at rest.
+        speed: Speed of the belt in the order of its links [m/s], 0 at rest.
         trusted: Angular frequency from which on the mesh lacks modes across spans [rad/s].
         prescribed: Pulleys whose motion is prescribed, and paths of mounts are.
         given: Columns of J of prescribed speeds, for what drives the rest: sparse (n, n_p), of
@@ -107,7 +107,7 @@ class Linear:
         return int(self.names.size)
 
     def rows(self, name: str) -> NDArray[np.intp]:
-        """Return where a field's unknowns stand."""
+        """Return the indices of the unknowns of a field."""
         return np.flatnonzero(self.names == name)
 
     def field(self, vector: Complex, name: str) -> Complex:
@@ -121,7 +121,7 @@ class Linear:
         return np.asarray(out / max(len(self.parts), 1), dtype=vector.dtype)
 
     def at_phase(self, vector: Complex, k: int) -> Complex:
-        """Take out of vectors (n, ...) what belongs to the unknowns of ``parts[k]``."""
+        """Take the unknowns of ``parts[k]`` out of vectors (n, ...)."""
         return vector if self.phase is None else vector[self.phase == k]
 
     def norms(self, rate: float) -> Array:
@@ -203,7 +203,7 @@ def linearise(
 def _jacobian(
     params: Params, core: Mapping[str, Any], sparse: Any
 ) -> tuple[Any, Any, NDArray[np.intp]]:
-    """J of the unknowns but for what is left out, the field of each and its place in it."""
+    """J of the unknowns that are kept, the field of each and its place in it."""
     sizes = {name: np.size(core[name]) for name in _SIZES}
     names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
     index = np.concatenate([np.arange(size) for size in sizes.values()])
@@ -251,23 +251,23 @@ def _of_torques(params: Params, names: Any, slopes: tuple[Array, Array], sparse:
 
 
 def speed_of(params: Params, core: Mapping[str, Any]) -> float:
-    """Speed of the belt in the sense of its numbering [m/s], 0 if it crawls."""
+    """Speed of the belt in the sense of its numbering [m/s], 0 if it stands still."""
     if not params._belt_facts["flows"]:
         return passing_of(params, core) * float(params.info["link_length"])
     speed = float(np.mean(core["v"]))
     wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
-    return speed if abs(speed) > CRAWL * wave else 0.0
+    return speed if abs(speed) > STANDSTILL_SPEED * wave else 0.0
 
 
 def passing_of(params: Params, core: Mapping[str, Any]) -> float:
-    """Links that pass a place per second, in the sense of their numbering; no cells do."""
+    """Links that pass a place per second, in the sense of their numbering; 0 for cells."""
     if params._belt_facts["flows"]:
         return 0.0
     dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
     along = (core["vx"] * dx + core["vy"] * dy) / (dx * dx + dy * dy) * 2.0
     passing = float(np.mean(along))
     wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
-    slow = CRAWL * wave / float(params.info["link_length"])
+    slow = STANDSTILL_SPEED * wave / float(params.info["link_length"])
     return passing if abs(passing) > slow else 0.0
 
 

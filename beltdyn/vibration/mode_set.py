@@ -1,4 +1,4 @@
-"""Modes as they are given and printed: frequencies, damping, shapes, what else was met."""
+"""Modes as they are returned and printed: frequencies, damping, shapes and other motions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["Modes", "Shapes"]
 
 #: Motions that decay without oscillating of which each has a line in print.
 STILL = 4
-#: Estimated error of a frequency by the mesh that is told.
+#: Estimated error of a frequency by the mesh from which on it is reported.
 MESHED = 0.01
 
 
@@ -30,13 +30,13 @@ class Shapes:
     The largest displacement of the belt, of a rim or of an axis is 1 m, and real.
 
     Attributes:
-        x: Of the links (n, n_b) [m].
+        x: Displacements of the links in x (n, n_b) [m].
         y: The same.
         phi: Turning of the links (n, n_b) [rad]; 0 of a string, none (n, 0) of an ALE belt.
         theta: Turning of the pulleys (n, n_p) [rad].
         travel: Travels of the mounts (n, n_m) [rad or m].
-        deflection: Of the sine modes of an ALE belt's spans (n, n_p, K) [m], K = 0 of links; x and
-            y are then those of the belt where its cells begin.
+        deflection: Amplitudes of the sine modes of an ALE belt's spans (n, n_p, K) [m], K = 0 for
+            links; x and y are then those of the belt where its cells begin.
     """
 
     x: Complex
@@ -49,38 +49,39 @@ class Shapes:
 
 @attrs.frozen(kw_only=True, eq=False)
 class Modes:
-    """The lowest modes of a drive that oscillate, by their angular frequency |lambda|.
+    """The lowest oscillating modes of a drive, ordered by angular frequency |lambda|.
 
     Attributes:
         frequency: Frequencies of the damped oscillations (n,) [Hz].
         damping: Damping ratios (n,) [1]: 1 is critical; below 0 the mode grows.
         eigenvalue: lambda (n,) [1/s], complex.
-        shapes: What moves, see :class:`Shapes`.
-        names: What moves most in each mode (n,), such as "span crank-alternator, 1st lateral".
+        shapes: Mode shapes, see :class:`Shapes`.
+        names: Part that moves most in each mode (n,), such as "span crank-alternator, 1st lateral".
         participation: Shares of the kinetic energy, see :class:`Participation`.
-        residual: |J x - lambda x| / |lambda x| (n,), what is left over of the eigenvalue problem.
-        grows: Eigenvalues (m,) [1/s], of a real part > 0, of motions that grow without oscillating,
-            or so fast that an oscillation is hardly one; none of a stable drive.
-        grow_names: What moves most in these.
+        residual: |J x - lambda x| / |lambda x| (n,), the residual of the eigenvalue problem.
+        grows: Eigenvalues (m,) [1/s] with a real part > 0 of motions that grow without oscillating,
+            or too fast to count as oscillations; none for a stable drive.
+        grow_names: Parts that move most in these.
         decay: Rates of motions of pulleys and mounts that decay without oscillating, more slowly
             than the spans' lowest frequency (m,) [1/s].
-        decay_names: What moves most in these.
-        turning: Eigenvalue of the whole drive turning, belt along itself and rims with it, which is
-            none of the modes [1/s]: it would be 0 but for what the polygon of links resists; None
-            if it was not met, a pulley is prescribed, or torques make its stiffness.
+        decay_names: Parts that move most in these.
+        turning: Eigenvalue of the drive turning as a whole, the belt along itself and the rims with
+            it, which is not among the modes [1/s]: it would be 0 but for the resistance of the
+            polygon of links; None if it was not found, a pulley is prescribed, or torques give it a
+            stiffness.
         left_out: Number of modes left out for their damping, below the highest given.
         band: Frequencies between which no mode of less than a quarter of critical damping is
             missing (2,) [Hz], up to the highest mode given: by the search, or as counted.
-        speed: Of the belt along its numbering [m/s], 0 at rest.
-        beyond: Frequency [Hz] from which on the mesh of an ALE belt lacks modes across its spans,
-            of each of which it has the first few, or has them amiss by more than 1 % as it runs:
-            none are given above; infinite of links.
+        speed: Speed of the belt in the order of its links [m/s], 0 at rest.
+        beyond: Frequency [Hz] above which no modes are returned for an ALE belt: it has only the
+            first few lateral modes of each span, and as it runs some are off by more than 1 %;
+            infinite for links.
         prescribed: Names of the pulleys whose motion is prescribed.
-        mesh_error: Estimated scatter of each frequency with the phase of the mesh, against it (n,);
-            it falls with the length of a link. With several phases most of it is averaged out.
+        mesh_error: Estimated relative scatter of each frequency with the phase of the mesh (n,); it
+            falls with the length of a link. With several phases most of it is averaged out.
         phases: Phases of the mesh that were taken together, see :func:`modes`.
         by_phase: Frequencies at each of them (phases, n) [Hz], of which ``frequency`` is the mean;
-            none (0, n) of one phase, and of a running belt.
+            none (0, n) for one phase and for a running belt.
         params: The drive.
         state: The state about which it is linearised.
     """

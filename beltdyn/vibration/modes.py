@@ -59,38 +59,39 @@ def modes(
 
     The drive is linearised by the analytic Jacobian of the model: contact and friction on the side
     of their kinks on which the state stands, so friction that sticks is a spring. A running belt
-    carries its links along; frequencies are those seen in places fixed in space. What friction
-    keeps of the past is then carried through the wraps, which makes a series of strongly damped
-    modes, a period each time the belt takes to pass a wrap.
+    carries its links along; frequencies are those seen in places fixed in space. The state of
+    friction is then carried through the wraps, which makes a series of strongly damped modes, a
+    period each time the belt takes to pass a wrap.
 
-    **The mesh.** A state stands at one phase of it. The last joint on a pulley is by s, up to half
-    a link, before or after the point where the belt leaves, and a pulley stuck to it has the
-    stiffness T s less or more against turning, which over all phases is nothing; at rest, slid
-    there without friction, a belt is where it is most. ``mesh_error`` says what that makes of each
-    frequency. With ``phases`` it is averaged out. A belt at rest is moved along by a link, so
-    slowly that it stays in equilibrium, its prescribed pulleys or the heaviest one driven; given
-    are means of the eigenvalues over that many phases, 12 do, with the shapes of the state itself.
+    **The mesh.** A state has one phase of the mesh: the last joint on a pulley lies by s, up to
+    half a link, before or after the point where the belt leaves, which takes T s off, or adds it
+    to, the stiffness of a sticking pulley against turning. Over all phases this averages to zero; a
+    belt that slid to rest without friction is where it is largest. ``mesh_error`` is its effect on
+    each frequency; ``phases`` averages it out. A belt at rest is moved along by a link, so slowly
+    that it stays in equilibrium, its prescribed pulleys or the heaviest one driven; the result has
+    means of the eigenvalues over that many phases, 12 suffice, with the shapes of the state itself.
     Of a running belt, which goes through all phases, Floquet's problem is solved over that many:
-    each mode is then the one that is the same for all. 6 give its frequency to half a percent.
-    Damping converges more slowly: 160 links on pulleys of 50 and 80 mm have a mode at 47.6, 47.7,
-    47.9, 47.8 Hz that decays by 14.6, 14.3, 11.5, 12.3 1/s with 3, 6, 9, 12 phases. The cells of an
-    ALE belt stand still: their mesh has one phase alone, and nothing to average.
+    each mode is then the one that is the same for all. 6 suffice for its frequency to half a
+    percent. Damping converges more slowly: 160 links on pulleys of 50 and 80 mm have a mode at
+    47.6, 47.7, 47.9, 47.8 Hz that decays by 14.6, 14.3, 11.5, 12.3 1/s with 3, 6, 9, 12 phases. The
+    cells of an ALE belt stand still: their mesh has one phase alone, and nothing to average.
 
     Args:
         params: The drive.
         state: In equilibrium, at rest or running steadily: from :func:`beltdyn.settle`, or
             ``result.final_state``.
         torque: Torques that depend on speeds or angles; None: they are constant.
-        n: How many modes, at most as many as there are links. Of an ALE belt fewer are given where
-            its mesh has not more: those below ``Modes.beyond``.
+        n: How many modes, at most as many as there are links. Fewer are returned for an ALE belt
+            whose mesh has no more: those below ``Modes.beyond``.
         damping: Damping ratio above which modes are left out; None: 1 at rest, 0.25 running.
         motion: Pulleys whose motion is prescribed, by index or name, as of
             :func:`beltdyn.simulate`: ``{"crank": 0.0}`` holds it. Only the names count, for a small
             motion of the rest leaves what is prescribed as it is.
         phases: Phases of the mesh, evenly over the passing of a link; 1: that of the state. Of an
             ALE belt there is one.
-        count: Whether to count the eigenvalues of the band, which finds none, and to compare, at
-            several times the work of the search; of several phases at rest those of the first.
+        count: Whether to count the eigenvalues of the band independently and compare with those
+            found, at several times the cost of the search; with several phases at rest, those of
+            the first.
 
     Raises:
         ImportError: SciPy is not installed.
@@ -164,7 +165,7 @@ def modes(
 
 
 def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> None:
-    """Warn of motions that grow: of modes whose damping below -0.1 % is not the mesh's."""
+    """Warn of motions that grow: modes with a damping below -0.1 %, unless due to the mesh."""
     told = [
         f"{name} grows by {value.real:.3g} 1/s" for value, name in zip(grows, names, strict=True)
     ]
@@ -290,20 +291,20 @@ def _without_turning(linear: Linear, found: Found) -> tuple[Found, complex | Non
 
 
 def _least_damped(found: Found, n: int, most: float) -> tuple[Found, int]:
-    """Return the lowest n with a damping ratio below ``most``, and how many others lie below."""
+    """Return the lowest n with a damping ratio below ``most``, and the number of others below."""
     keep = np.flatnonzero(-found[0].real < most * abs(found[0]))[:n]
     left_out = int(keep[-1]) + 1 - keep.size if keep.size else 0
     return (found[0][keep], found[1][:, keep]), left_out
 
 
 def _of_bodies(still: Found, shares: parts.Participation) -> Found:
-    """Of what decays the motions of pulleys and mounts; those of friction and contact are many."""
+    """Select the decaying motions of pulleys and mounts; those of friction and contact are many."""
     keep = shares.pulleys.sum(axis=1) + shares.mounts.sum(axis=1) > BODIES
     return still[0][keep], still[1][:, keep]
 
 
 def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
-    """Return the scatter that T s makes (see :func:`modes`), s of each end of a wrap for itself.
+    """Return the scatter due to T s (see :func:`modes`), with s independent at each end of a wrap.
 
     It is even within a link. The stiffness of a mode is twice its kinetic energy.
     """

@@ -45,10 +45,10 @@ class Participation:
     """Shares of the kinetic energy in modes, each row with the sum 1.
 
     Attributes:
-        spans: Of the belt across its free span after each pulley (n, n_p).
-        pulleys: Of the rotation of each pulley (n, n_p).
-        mounts: Of each mount (n, n_m): the arm or the carriage with the pulley on it.
-        belt: Of the belt otherwise (n,): along itself, and on the pulleys.
+        spans: Share of the belt across its free span after each pulley (n, n_p).
+        pulleys: Share of the rotation of each pulley (n, n_p).
+        mounts: Share of each mount (n, n_m): the arm or the carriage with the pulley on it.
+        belt: Share of the belt otherwise (n,): along itself, and on the pulleys.
     """
 
     spans: Array
@@ -59,7 +59,7 @@ class Participation:
 
 @attrs.frozen(kw_only=True, eq=False)
 class Sections:
-    """Where the links are at the state.
+    """Positions of the links at the state.
 
     Attributes:
         span: Span in which a link is free (n_b,), -1 on pulleys.
@@ -145,7 +145,7 @@ def _of_cells(linear: Linear) -> dict[str, Array]:
 
 
 def moves(linear: Linear, vectors: Complex, rates: Any) -> tuple[Complex, Complex]:
-    """Return how far links, or the belt where cells begin, move in x and y (n_b, n) [m].
+    """Return displacements in x and y of links, or of the belt where cells begin (n_b, n) [m].
 
     Belt that flows moves by its velocity over the rate [1/s] along itself, as if at rest, and with
     the axes of the pulleys across.

@@ -31,7 +31,7 @@ _STEP = 1e-8
 
 @attrs.frozen(kw_only=True, eq=False)
 class FrequencyResponse:
-    """Complex amplitudes at each frequency, of what is excited as ``Re(a exp(2 pi i f t))``.
+    """Complex amplitudes a at each frequency f, of motions ``Re(a exp(2 pi i f t))``.
 
     Attributes:
         frequency: Frequencies (n_f,) [Hz].
@@ -41,16 +41,16 @@ class FrequencyResponse:
             joint is free.
         joint_force: Force in the joint on the left of each link (n_f, n_b) [N].
         travel: Travels of the mounts (n_f, n_m) [rad or m].
-        x: Of the links (n_f, n_b) [m]; of a running belt at places fixed in space, of an ALE belt
-            where its cells begin.
+        x: Displacements of the links in x (n_f, n_b) [m]; of a running belt at places fixed in
+            space, of an ALE belt where its cells begin.
         y: The same.
-        torque: Amplitudes of the torques that excite (n_p,) [N m].
-        motion: Amplitudes of the motions that excite (n_p,) [rad].
+        torque: Amplitudes of the exciting torques (n_p,) [N m].
+        motion: Amplitudes of the exciting motions (n_p,) [rad].
         residual: |(i w - J) x - b| / |b| (n_f,).
         mesh_turning: Frequency [Hz] at which the drive would swing as a whole on the polygon of
-            links; its stiffness is taken out of the response, in which the turning is free. 0
-            where a pulley's motion is prescribed or the phases of the mesh average it; NaN if it
-            cannot be told, and stays.
+            links; its stiffness is removed from the response, in which the drive turns freely. 0
+            where a pulley's motion is prescribed or the phases of the mesh average it out; NaN if
+            it could not be determined and is not removed.
         phases: Phases of the mesh of a running belt that the response is the mean over.
         params: The drive.
     """
@@ -112,18 +112,18 @@ def frequency_response(
         motion: Pulley whose angle is prescribed with an amplitude of 1 rad, or complex amplitudes
             by pulley [rad]; 0 holds a pulley, or leaves its speed constant.
         loads: Torques that depend on speeds or angles; None: they are constant.
-        phases: Of a running belt, phases of the mesh that are taken together, of which a passing
-            link makes one after the other (see :func:`beltdyn.modes`); 6 do for frequencies of
-            resonances, not for their damping, which 12 change by a seventh. The response is then
-            that at the frequency that excites, without the sidebands of the links' passing; 1: as
-            the links stand in ``state``, as at rest in any case. States from other moments of a run
-            give somewhat other responses, the less the shorter the links: with 160 links on pulleys
-            of 50 and 80 mm a resonance at 47.5 Hz within 0.15 Hz and, of six phases, 5 % of its
-            damping.
+        phases: Number of phases of the mesh that are combined for a running belt; a passing link
+            goes through them one after the other (see :func:`beltdyn.modes`). 6 suffice for the
+            frequencies of resonances, not for their damping, which 12 change by a seventh. The
+            response is then that at the frequency that excites, without the sidebands of the links'
+            passing; 1: as the links stand in ``state``, as at rest in any case. States from other
+            moments of a run give somewhat other responses, the less the shorter the links: with 160
+            links on pulleys of 50 and 80 mm a resonance at 47.5 Hz within 0.15 Hz and, of six
+            phases, 5 % of its damping.
 
-    Where no pulley's motion is prescribed, the drive turns as a whole at low frequencies. What the
-    polygon of links resists against that, which no drive has, is taken out: a term of rank one, so
-    that a steady torque alone turns it (``mesh_turning``).
+    Where no pulley's motion is prescribed, the drive turns as a whole at low frequencies. The
+    resistance of the polygon of links to that, which no real belt has, is removed: a term of rank
+    one, so that a steady torque alone turns it (``mesh_turning``).
 
     Raises:
         ImportError: SciPy is not installed.
@@ -197,7 +197,7 @@ def _amplitude(name: str, value: Any) -> complex:
 
 
 def _mesh_turning(mesh: tuple[Array, Array, float | None] | None, at: Array) -> float:
-    """Return the frequency that the mesh makes of the drive's turning [Hz]; warn if it stays."""
+    """Return the frequency of the drive's turning on the mesh [Hz]; warn if it is not removed."""
     if mesh is None:
         return 0.0
     if mesh[2] is None:

@@ -1,4 +1,4 @@
-"""How set torques change with angles and speeds, and which hold pulleys' speeds."""
+"""Derivatives of set torques by angles and speeds, and torques that hold pulleys' speeds."""
 
 from __future__ import annotations
 

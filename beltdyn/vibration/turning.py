@@ -62,7 +62,7 @@ def rigid_share(linear: Linear, vectors: Complex) -> Array:
 
 
 def rigid_rates(linear: Linear) -> tuple[float, float]:
-    """Return stiffness [1/s^2] and damping [1/s] of set torques against it, over inertia."""
+    """Return stiffness [1/s^2] and damping [1/s] of set torques against turning, over inertia."""
     if linear.torque_slopes is None:
         return 0.0, 0.0
     params = linear.params

@@ -156,7 +156,7 @@ static int check_times(const bd_model *model, double t, double t_end, const bd_o
 
 int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
                   const bd_torque *torque, double t_end, const bd_options *options, bd_error *err) {
-  int code = bd_sim_anywhere(out, model, initial, torque, t_end, options, err);
+  int code = bd_sim_create_unchecked(out, model, initial, torque, t_end, options, err);
   if (code == BD_OK) {
     code = bd_guard_initial(&(*out)->stepper.plan, (*out)->stepper.y, err, initial->t);
   }
@@ -173,9 +173,9 @@ int bd_sim_create(bd_sim **out, const bd_model *model, const bd_state *initial,
   return code;
 }
 
-int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial,
-                    const bd_torque *torque, double t_end, const bd_options *options,
-                    bd_error *err) {
+int bd_sim_create_unchecked(bd_sim **out, const bd_model *model, const bd_state *initial,
+                            const bd_torque *torque, double t_end, const bd_options *options,
+                            bd_error *err) {
   *out = NULL;
   bd_options defaults;
   bd_options_default(&defaults);

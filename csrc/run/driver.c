@@ -87,7 +87,8 @@ static double next_stop(bd_sim *sim) {
   return fmin(set->before, sim->t_end);
 }
 
-int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance, double longest) {
+int bd_sim_replay_step(bd_sim *sim, double t_new, double t_piece, double tolerance,
+                       double longest) {
   /* of which a quarter still moves the time */
   const double least = fmax(1e-3 * (t_new - sim->stepper.t), 8.0 * DBL_EPSILON * fabs(t_new));
   const double whole =
@@ -516,7 +517,7 @@ static double estimated_error(const bd_sim *sim) {
     error = fmax(error, belt->error_by_balance * fabs(sim->stats.balance));
   }
   double long_run = (sim->stepper.t - sim->t0) / bd_round_time(sim->stepper.model) / rounds;
-  error *= bd_twin_magnifies(&sim->twin) * (1.0 + (double)sim->guard.bounces / by_bounce);
+  error *= bd_growth_factor(&sim->twin) * (1.0 + (double)sim->guard.bounces / by_bounce);
   return sim->stepper.method->history > 0 ? error * sqrt(fmax(1.0, long_run)) : error;
 }
 

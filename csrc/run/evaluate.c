@@ -20,7 +20,7 @@ static int sim_at_state(bd_sim **out, const bd_model *model, const bd_state *sta
   options.method = method;
   options.guards = 0;
   double later = state->t + fmax(1.0, fabs(state->t));
-  int code = bd_sim_anywhere(out, model, state, &given, later, &options, err);
+  int code = bd_sim_create_unchecked(out, model, state, &given, later, &options, err);
   if (code == BD_OK) {
     bd_sim *sim = *out;
     bd_plan_place(&sim->stepper.plan, sim->stepper.t, sim->stepper.y);

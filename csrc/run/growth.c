@@ -327,8 +327,8 @@ static int repeat(bd_sim *sim, bd_sim *twin) {
       sim->stepper.fixed || sim->stepper.now != sim->stepper.method
           ? INFINITY
           : bd_method_tolerance(sim->stepper.method, sim->stepper.model, sim->stepper.rtol);
-  int code =
-      bd_sim_follow(twin, sim->stepper.t, sim->stepper.plan.t_piece, tolerance, (double)INFINITY);
+  int code = bd_sim_replay_step(twin, sim->stepper.t, sim->stepper.plan.t_piece, tolerance,
+                                (double)INFINITY);
   t->steps += twin->stats.steps - before;
   return code == BD_OK;
 }
@@ -416,8 +416,8 @@ static void follow_missed(bd_sim *sim) {
     const long before = twin->stats.steps;
     see_torque(sim, twin);
     twin->stepper.rate_known = 0; /* the torque may have jumped */
-    const int code =
-        bd_sim_follow(twin, sim->stepper.t, sim->stepper.plan.t_piece, (double)INFINITY, m->step);
+    const int code = bd_sim_replay_step(twin, sim->stepper.t, sim->stepper.plan.t_piece,
+                                        (double)INFINITY, m->step);
     m->steps += twin->stats.steps - before;
     if (code != BD_OK) {
       m->active = 0;
@@ -471,7 +471,7 @@ void bd_twin_follow(bd_sim *sim) {
   }
 }
 
-double bd_twin_magnifies(const bd_twin *twin) {
+double bd_growth_factor(const bd_twin *twin) {
   return fmax(1.0, twin->most / CALM);
 }
 

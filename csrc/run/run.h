@@ -148,7 +148,7 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque);
 /* After a step. */
 void bd_twin_follow(bd_sim *sim);
 /* How many times differences have grown beyond what they do in any drive. */
-double bd_twin_magnifies(const bd_twin *twin);
+double bd_growth_factor(const bd_twin *twin);
 void bd_twin_free(bd_twin *twin);
 
 /* --- laying.c -------------------------------------------------------------------------------- */
@@ -183,16 +183,16 @@ int bd_sim_check_time(const bd_model *model, const char *name, double t, bd_erro
 int bd_sim_begin_motion(bd_sim *sim, bd_error *err);
 /* Goes to t_new, as another simulation has done, in equal steps no longer than a longest one, each
  * made shorter if it errs by more than the tolerance; without samples. */
-int bd_sim_follow(bd_sim *sim, double t_new, double t_piece, double tolerance, double longest);
+int bd_sim_replay_step(bd_sim *sim, double t_new, double t_piece, double tolerance, double longest);
 /* Goes back to the beginning of the run, from y. */
 void bd_sim_restart(bd_sim *sim, const double *y, double turns);
 /* Shared by simulating and settling: one block with everything, nothing allocated later. */
 bd_sim *bd_sim_new(const bd_model *model, const bd_method *method, const bd_method *other,
                    const bd_torque *torque);
 /* bd_sim_create for states that no drive can be in. */
-int bd_sim_anywhere(bd_sim **out, const bd_model *model, const bd_state *initial,
-                    const bd_torque *torque, double t_end, const bd_options *options,
-                    bd_error *err);
+int bd_sim_create_unchecked(bd_sim **out, const bd_model *model, const bd_state *initial,
+                            const bd_torque *torque, double t_end, const bd_options *options,
+                            bd_error *err);
 
 /* --- circulation.c, equilibrium.c ------------------------------------------------------------ */
 

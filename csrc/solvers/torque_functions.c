@@ -258,10 +258,13 @@ static int jumps_within(bd_stepper *stepper, double h, double tolerance, int *ju
 
 /* --- roughness ------------------------------------------------------------------------------- */
 
-/* OWED: short steps in excess from which a torque counts as one that jumps all the time; PAID:
- * short steps taken off the excess per interval; ROUGH: intervals until the next check; AGAIN:
- * factor by which that grows; NEARLY: share of OWED that is kept afterwards. */
-static const double OWED = 800.0, PAID = 25.0, ROUGH = 20.0, AGAIN = 4.0, NEARLY = 0.9;
+/* Short steps in excess from which a torque counts as one that jumps all the time. */
+static const double JUMP_BUDGET = 800.0;
+/* Short steps taken off the excess per interval. */
+static const double JUMP_REFUND = 25.0;
+/* Intervals until the next check, the factor by which they grow, and the share of JUMP_BUDGET that
+ * is kept after a check. */
+static const double CHECK_INTERVALS = 20.0, CHECK_GROWTH = 4.0, BUDGET_KEPT = 0.9;
 
 /* The shortest step for the sake of a torque that jumps all the time; never one in which a stretch
  * wave runs through more than a sixtieth of the belt. */
@@ -274,17 +277,18 @@ static double shortest_for_jumps(const bd_stepper *stepper) {
 static void count_jump(bd_stepper *stepper, int j, double change) {
   bd_torque_functions *functions = &stepper->functions;
   const double least = shortest_for_jumps(stepper);
-  double paid = PAID * fmax(0.0, stepper->t - functions->t_owed) / functions->interval;
+  double paid = JUMP_REFUND * fmax(0.0, stepper->t - functions->t_owed) / functions->interval;
   functions->owed = fmax(0.0, functions->owed - paid) + (double)functions->short_tries;
   functions->short_tries = 0;
   functions->t_owed = fmax(functions->t_owed, stepper->t);
   functions->jump = fmax(functions->jump, speed_error(stepper, j, change, 1.0));
-  if (functions->owed < OWED || stepper->t < functions->rough_until) {
+  if (functions->owed < JUMP_BUDGET || stepper->t < functions->rough_until) {
     return;
   }
-  functions->rough_for = fmax(ROUGH * functions->interval, AGAIN * functions->rough_for);
+  functions->rough_for =
+      fmax(CHECK_INTERVALS * functions->interval, CHECK_GROWTH * functions->rough_for);
   functions->t_owed = functions->rough_until = stepper->t + functions->rough_for;
-  functions->owed = NEARLY * OWED;
+  functions->owed = BUDGET_KEPT * JUMP_BUDGET;
   bd_warn(&stepper->report, BD_WARN_rough_torque, stepper->t, -1, j,
           "the torque function of %s jumps all the time (noise, a relay, a staircase), by "
           "%.3g N m round t = %.6g s: steps are not made shorter than %.2g s, worth %.2g rad/s "

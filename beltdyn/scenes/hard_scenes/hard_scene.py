@@ -1,4 +1,4 @@
-"""What a hard scene is: a scene, what it provokes, and what must hold in spite of that."""
+"""A hard scene: a scene, what it provokes, and what must hold in spite of that."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class HardScene(Scene):
         return f"provokes {self.provokes}\nholds    {self.holds}"
 
     def deviation(self, result: Result) -> float | None:
-        """Measure how far a finished run is off theory, over what :attr:`holds` allows.
+        """Return the deviation of a finished run from theory, over what :attr:`holds` allows.
 
         It may take further runs of the drive.
 
@@ -119,7 +119,7 @@ class Entry:
     Attributes:
         make: Makes the scene.
         start: Makes the state in which it starts; None: settled at rest.
-        theory: Gives the deviation of a run from theory; None: there is none.
+        theory: Returns the deviation of a run from theory; None: there is none.
     """
 
     provokes: str

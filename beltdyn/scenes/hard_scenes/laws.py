@@ -30,7 +30,7 @@ def _loaded(law: Friction, t_end: float = 0.03) -> Scene:
 
 
 def _stiff(law: Friction, within: str, limit: str = "mu_k") -> Entry:
-    """Enter a law that is developed within so little slip, or so low a slip velocity."""
+    """Enter a law that develops fully within so little slip, or at so low a slip velocity."""
     return Entry(
         f"{type(law).__name__} friction is developed within {within}: steps that follow the "
         "belt's waves overshoot it.",

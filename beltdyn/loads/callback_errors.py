@@ -13,11 +13,11 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-__all__ = ["Escaped"]
+__all__ = ["CallbackErrors"]
 
 _lock = threading.Lock()
 #: By thread, the innermost last; other reports go to the hook that was there before.
-_watching: dict[int, list[Escaped]] = {}
+_watching: dict[int, list[CallbackErrors]] = {}
 _before: list[Any] = []
 
 
@@ -32,8 +32,8 @@ def _hook(report: Any) -> None:
         _before[0](report)
 
 
-class Escaped:
-    """A context that keeps the first exception of this thread that a callback could not raise.
+class CallbackErrors:
+    """Context that keeps the first exception that a callback of this thread could not raise.
 
     Attributes:
         error: The exception, or None.
@@ -50,7 +50,7 @@ class Escaped:
             self.error = error.with_traceback(report.exc_traceback)
             self._stop()
 
-    def __enter__(self) -> Escaped:
+    def __enter__(self) -> CallbackErrors:
         with _lock:
             if sys.unraisablehook is not _hook:  # other code may have replaced it
                 _before[:] = [sys.unraisablehook]
