@@ -50,6 +50,8 @@ KEPT = common.HERE.parent / "build" / "ale"
 RTOLS = (1e-2, 1e-3, 1e-4)
 #: Time of a random drive [s], and most CPU time of its links [s].
 SHORT, MOST = 0.05, 20.0
+#: Errors of random drives [%] from which on a run ought to warn, and below which it ought not.
+FAR, CALM = 3.0, 1.0
 
 
 def ale(params: bd.Params, cells: int | None = None, **belt: Any) -> bd.Params:
@@ -409,13 +411,36 @@ def drawn(number: int) -> tuple[History, str]:
     return History(params, on, SHORT, {0: scene.motion[0]}, omega, 480, 1e-3), name
 
 
+@dataclass(frozen=True, order=True)
+class Compared:
+    """A random drive with an ALE belt against links: errors [%], and what it was warned of."""
+
+    error: float
+    number: int
+    name: str
+    own: float  # of half the links
+    warned: tuple[str, ...]
+
+    def line(self) -> str:
+        warned = ", ".join(self.warned) or "no warning"
+        return (
+            f"{self.error:7.2f} %  {self.number:4d} {self.name}; {warned}; links {self.own:.2f} %"
+        )
+
+
 def random_drives(first: int, count: int, n: int) -> list[str]:
-    found: dict[float, list[tuple[float, int, str]]] = {rtol: [] for rtol in RTOLS}
+    found: dict[float, list[Compared]] = {rtol: [] for rtol in RTOLS}
     cpu: dict[str, list[float]] = {"links": [], **{f"{rtol:g}": [] for rtol in RTOLS}}
-    refused, without, own = list[str](), list[str](), list[float]()
+    refused, ended, without, own = list[str](), list[str](), list[str](), list[float]()
     for number in range(first, first + count):
         history, name = drawn(number)
         common.progress(f"drive {number} of {first + count - 1}: {name}")
+        try:
+            params = ale(history.params)
+            params.info  # noqa: B018 - a ValueError where it cannot be
+        except ValueError as reason:
+            refused.append(f"{number}: {reason}")
+            continue
         meshes = [history.reference(links, most=MOST) for links in (n, n // 2)]
         failed = [str(mesh["failure"]) for mesh in meshes if "failure" in mesh]
         if failed:
@@ -426,20 +451,24 @@ def random_drives(first: int, count: int, n: int) -> list[str]:
         own.append(100.0 * apart(coarse, exact)[0])
         for rtol in RTOLS:
             try:
-                run = history.run(ale(history.params), rtol=rtol)
+                run = history.run(params, rtol=rtol)
             except (ValueError, bd.SimulationError) as failure:
-                refused.append(f"rtol {rtol:g}, drive {number}: {failure}")
+                ended.append(f"rtol {rtol:g}, drive {number}: {failure}")
                 continue
             error = 100.0 * apart(run.span_tension, exact)[0]
-            found[rtol].append((error, number, name))
+            warned = tuple(sorted({one.code for one in run.warnings}))
+            found[rtol].append(Compared(error, number, name, own[-1], warned))
             cpu[f"{rtol:g}"].append(run.stats.cpu_time / SHORT)
     lines = [f"drives {first} to {first + count - 1}; rms of the worst span over mean tension, %"]
-    for rtol in RTOLS:
-        if found[rtol]:
-            q = np.quantile([one[0] for one in found[rtol]], (0.1, 0.5, 0.9, 1.0))
+    for rtol, runs in found.items():
+        if runs:
+            q = np.quantile([one.error for one in runs], (0.1, 0.5, 0.9, 1.0))
+            far = [one for one in runs if one.error > FAR]
+            quiet = sum(not one.warned for one in far)
             lines.append(
                 f"rtol {rtol:7.0e}: 0.1 {q[0]:.2f}  median {q[1]:.2f}  0.9 {q[2]:.2f}  most"
-                f" {q[3]:.2f}; {len(found[rtol])} run, CPU s/s {np.median(cpu[f'{rtol:g}']):.3f}"
+                f" {q[3]:.2f}; {len(runs)} run, CPU s/s {np.median(cpu[f'{rtol:g}']):.3f};"
+                f" beyond {FAR:g} %: {len(far) - quiet} warned, {quiet} not"
             )
     if own:
         q = np.nanquantile(own, (0.1, 0.5, 0.9, 1.0))
@@ -447,12 +476,19 @@ def random_drives(first: int, count: int, n: int) -> list[str]:
             f"{n // 2:5d} links  : 0.1 {q[0]:.2f}  median {q[1]:.2f}  0.9 {q[2]:.2f}  most"
             f" {q[3]:.2f}; {len(own)} run, CPU s/s {np.median(cpu['links']):.3f}"
         )
-    lines += [f"{len(without)} without a reference of links", *without]
-    lines += [f"{len(refused)} refused", *refused]
-    for rtol in RTOLS:
-        lines.append(f"the worst ten at {rtol:g}")
-        lines += [f"{off:7.2f} %  {number:4d} {name}" for off, number, name in
-                  sorted(found[rtol])[:-11:-1]]  # fmt: skip
+    for rtol, runs in found.items():
+        calm = [one.warned for one in runs if one.error < CALM]
+        codes = sorted({code for warned in calm for code in warned})
+        shares = ", ".join(f"{code} {sum(code in one for one in calm)}" for code in codes)
+        lines.append(f"within {CALM:g} % at {rtol:g}: {len(calm)}, warned of {shares or 'nothing'}")
+    for what, reasons in (
+        ("without a reference of links", without), ("refused", refused), ("ended", ended),
+    ):  # fmt: skip
+        lines += [f"{len(reasons)} {what}", *reasons]
+    for rtol, runs in found.items():
+        lines.append(f"the worst ten at {rtol:g}, and all beyond {FAR:g} %")
+        worst = sorted(runs, reverse=True)
+        lines += [one.line() for k, one in enumerate(worst) if k < 10 or one.error > FAR]
     return lines
 
 

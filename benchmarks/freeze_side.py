@@ -450,6 +450,13 @@ def warned_of_cells() -> dict[str, Callable[[], bd.Params | bd.Result]]:
         first = 0.12 * 0.5 / math.pi * (np.arange(rest.a.size) == 0)
         return bd.simulate(drive, still, 5e-3, initial=attrs.evolve(rest, a=first))
 
+    def squealing() -> bd.Result:
+        straight = attrs.evolve(belt, bending_stiffness=0.0, axial_damping=0.3)
+        contact = bd.Contact(linear=1e9, damping=200.0)
+        one = attrs.evolve(drive, belt=straight, contact=contact)
+        load = bd.PiecewiseLinear([0.0, 0.05], [[0.0, 0.0], [0.0, 35.0]])
+        return bd.simulate(one, load, 0.05, {0: bd.PiecewiseLinear([0.0], [-100.0])})
+
     bent = attrs.evolve(belt, bending_stiffness=0.6)
     return {
         "near_limit": lambda: attrs.evolve(drive, belt=bent),
@@ -457,6 +464,7 @@ def warned_of_cells() -> dict[str, Callable[[], bd.Params | bd.Result]]:
         "near_slack": run(bd.PiecewiseLinear([0.0, 0.2], [[0.0, 0.0], [0.0, -57.0]]), 0.2, 0.0),
         "span_modes": run(still, 0.01, 900.0),
         "steep_span": swinging,
+        "squeal": squealing,
     }
 
 

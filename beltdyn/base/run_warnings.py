@@ -62,6 +62,8 @@ class RunWarning:
         near_slack *  of an ALE belt: a span presses on pulleys by a tenth of the tension at rest
         span_modes *  of an ALE belt: it runs so fast that its lateral vibrations are off
         steep_span *  of an ALE belt: a span swings by more than a slope of 0.1
+        squeal *      of an ALE belt: friction makes vibrations on a hardly damped contact grow,
+                      which it has none of: more ``contact.damping``, or mesh "joint"
         never_drives  an overrunning clutch is free all the time under a rim that turns the other
                       way than it drives: is ``clockwise`` right?
 

@@ -20,6 +20,7 @@ from ..drive.couplings import OverrunningClutch
 from ..drive.params import Params
 from ..outputs.gross_slip import durations, gross_slip
 from ..outputs.selection import has, unchecked
+from ..outputs.squeal import squeals
 from ..result.result import Result
 
 __all__ = ["hint", "observe"]
@@ -51,6 +52,7 @@ def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ..
             "slack_span": _slack_spans(result),
             "never_drives": _backward_clutches(result),
             "near_limit": _near_limits(result),
+            "squeal": _squeals(result),
         }
         params = result.params
         missing = unchecked(result.outputs, params.has_friction, bool(params.coupled))
@@ -212,6 +214,28 @@ def _near_limits(result: Result) -> Iterator[RunWarning]:
             text=f'span {name} {text}; Belt(mesh="joint") describes it',
             t=float(result.t[row]),
             where=f"span {name}",
+            accuracy=True,
+        )
+
+
+def _squeals(result: Result) -> Iterator[RunWarning]:
+    """Warn of friction that makes vibrations on the contact grow, which an ALE belt has none of."""
+    params, has = result.params, result._has
+    needed = ("contact.pulley", "contact.mu")
+    if not (params._belt_facts["flows"] and params.has_friction and all(map(has, needed))):
+        return
+    for one in squeals(params, result.t, result.contact.pulley, result.contact.mu):
+        t, label = float(result.t[one.first]), params.label(one.pulley)
+        yield RunWarning(
+            code="squeal",
+            text=f"friction on {label}, {one.coefficient:.2g} in the rms of its wrap, makes "
+            f"vibrations of the belt on the contact grow, at {one.frequency:.3g} Hz by a factor of "
+            f"e in {one.time:.2g} s, from t = {t:.4g} s on, as they have {one.damping:.2g} of "
+            'critical damping; the mesh "ale" has no such vibrations, which take friction away and '
+            "can make the pulley slip in full: tensions may be off by several percent; compare "
+            f'with Belt(mesh="joint"), or give contact.damping >= {one.needed:.3g} N s/m^2',
+            t=t,
+            where=label,
             accuracy=True,
         )
 
