@@ -350,7 +350,7 @@ def test_a_quick_study_is_short(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def runs(scene: bd.Scene, *_: Any) -> Callable[[Setting], Done]:
         return lambda one: Done(
-            cpu=seconds[one.n_bodies], steps=1, seen=mock.Mock(), told=mock.Mock()
+            cpu=seconds[one.n_bodies], steps=1, seen=mock.Mock(), accuracy=mock.Mock()
         )
 
     monkeypatch.setattr(studies, "Runs", runs)
