@@ -9,8 +9,6 @@ screen and in full, and ``flat`` for how it is given as numbers.
 
 from __future__ import annotations
 
-from ..base.described import describe_all
-from . import rows
 from .cycles import rainflow
 from .digits import speed_errors
 from .making import creep_of, make_report
@@ -32,5 +30,3 @@ __all__ = [
     "rainflow",
     "speed_errors",
 ]
-
-describe_all((Report, *vars(rows).values()))

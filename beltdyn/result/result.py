@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import attrs
 import numpy as np
@@ -40,10 +40,8 @@ from ..outputs.places import AlongBelt, along, along_cells, flow_of, momentum_fl
 from ..outputs.selection import has, lacking
 from ..outputs.spans import has_angles, span_tension
 from ..outputs.state import State
+from ..report import Report, creep_of, make_report, speed_errors
 from . import exported, labelled, saved
-
-if TYPE_CHECKING:
-    from ..report import Report
 
 __all__ = ["Result"]
 
@@ -371,8 +369,6 @@ class Result:
             TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has less than two
                 samples.
         """
-        from ..report import make_report  # with `import beltdyn` it would take a tenth of that
-
         return make_report(self, last, joint)
 
     def __repr__(self) -> str:
@@ -414,8 +410,6 @@ class Result:
                 for v, e in zip(values, off, strict=True)
             ]
             return (with_names(texts, of) if named else ", ".join(texts)) + unit
-
-        from ..report import creep_of, speed_errors
 
         stats = self.stats
         rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import attrs
 import numpy as np
@@ -28,15 +28,15 @@ from ..outputs.selection import LEDGER, chosen, lacking, of_belt, of_core, unche
 from ..outputs.state import State
 from ..result.errors import Interrupted, SimulationError, annotate
 from ..result.result import Result
+from ..verification import budget as budgets
+from ..verification.quantities import OBSERVED
+from ..verification.runs import Reached
+from ..verification.verification import Verification
 from . import memory, observed
 from .checkpoints import Checkpoint, Fresh, Recorder, Spent
 from .progress import over_time
 from .settling import CHUNK, check_initial, check_params, positive_or_none, settle
 from .start_of_run import Start
-
-if TYPE_CHECKING:
-    from ..verification.budget import Plan
-    from ..verification.runs import Reached
 
 __all__ = ["METHODS", "settle", "simulate", "speeds_at_start"]
 
@@ -249,9 +249,6 @@ def simulate(
         return _simulate(params, torque_fn, t_end, motion, outputs=kept, **own)[0]
     check_params(params)
     check_initial(params, initial)
-    from ..verification.quantities import OBSERVED  # few runs need these
-    from ..verification.verification import Verification
-
     with Verification(
         _simulate, settle, params, torque_fn, t_end, motion, initial, options
     ) as verification:
@@ -267,10 +264,10 @@ def simulate(
             raise Interrupted(message, result) from error
 
 
-def _plan(budget: float, scene: Scene, initial: State | None, own: Mapping[str, Any]) -> Plan:
+def _plan(
+    budget: float, scene: Scene, initial: State | None, own: Mapping[str, Any]
+) -> budgets.Plan:
     """Choose what to run for a budget of CPU time."""
-    from ..verification import budget as budgets
-
     check_params(scene.params)
     check_initial(scene.params, initial)
     start, end = _span(initial, scene.t_end)
@@ -452,8 +449,6 @@ def _simulate(
             while not sim.advance(chunk):
                 show(sim.time)
                 if watch is not None:
-                    from ..verification.runs import Reached
-
                     watch(Reached(state, sim.time, int(sim.stats["steps"]), sim.method))
                 if recorder is not None and callback_errors.error is None:
                     recorder.look(sim)

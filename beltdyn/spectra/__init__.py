@@ -11,7 +11,6 @@ Needs SciPy, imported when it is used.
 
 from __future__ import annotations
 
-from ..base.described import describe_all
 from ..outputs.orders import Source, belt_rate, folded, sources
 from .fourier import amplitude_spectrum, even_step, spectrogram
 from .signals import Signal, signal
@@ -33,5 +32,3 @@ __all__ = [
     "spectrum",
     "speed_spectra",
 ]
-
-describe_all(map(globals().__getitem__, __all__))
