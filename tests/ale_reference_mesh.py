@@ -17,6 +17,7 @@ from reference_line import belt_line, depth, spans_away, tension_at_rest
 from reference_mounts import Arm, Mount, Path, Sprung, rest_of
 from scipy.integrate import simpson
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 
 Torque = Callable[[Any, Array, Array], Any]
 Motion = Callable[[float], tuple[float, float]]  # of t: speed Omega [rad/s], its rate [rad/s^2]
@@ -305,23 +306,34 @@ class Mesh:
         put("span_dampers", (own, own + (pressed + np.roll(pressed, -1)) * (ea * share) ** 2 / m))
 
     def _end(self, pull: float, r: float, compensated: float) -> float:
-        """Delta of one end of a wrap, MODEL section 6, and what the arc's B does not reach."""
-        stretch = 1.0 + pull / self.axial_stiffness
-        p = depth(pull * stretch / r, self.contact)
-        bending = self.bending_stiffness
-        if bending == 0.0:
+        """Delta of one end of a wrap, and what the arc's B does not reach. [2]"""
+        stretch, ei = 1.0 + pull / self.axial_stiffness, self.bending_stiffness
+        if ei == 0.0:
+            p = depth(pull * stretch / r, self.contact)
             return -5.0 / 12.0 * p * math.sqrt(p / r)
-        force = pull * stretch
-        c, tau = force / (r * p), force / bending
-        m, big_p = tau**-0.5, math.sqrt(c / bending)
+        on_arc = max(pull - ei / (2.0 * r**2), 0.5 * pull)
+        p, reach = depth(on_arc * stretch / r, self.contact), math.sqrt(ei / pull)
+        tau, big_p = on_arc / ei, math.sqrt(on_arc / (r * p) / ei)
         big_s = math.sqrt(tau + 2.0 * big_p)
-        b = (big_s * tau / big_p + (tau / big_p + 1.0) / m) / (r * (tau + big_p + big_s / m))
-        k = 1.0 / r + big_p * p - big_s * b
-        s = r * (b - k * m)
-        found = ((b - big_s * p) / big_p + p * s - s**3 / (6.0 * r)) / r
-        found -= k**2 * m**3 / 4.0 + (b**2 + big_p * p**2) / (4.0 * big_s)
-        reach = math.sqrt(bending / pull)
-        return found + reach * bending / (4.0 * self.axial_stiffness * r**2)
+
+        def curvature(b: float) -> tuple[float, float]:
+            """Where belt touches, and its slope into the wrap."""
+            bent = big_p * p - big_s * b
+            return 1.0 / r + bent, -big_s * bent - big_p * b
+
+        def left(b: float) -> float:
+            """Of the shear that the free part, an elastica, has by this curvature."""
+            k, rises = curvature(b)
+            return rises - k / reach * math.sqrt(1.0 - min(0.5 * k * reach, 0.7) ** 2)
+
+        highest = (1.0 / r + big_p * p) / big_s  # no curvature
+        b = brentq(left, 0.0, highest, xtol=1e-15)
+        turned = 2.0 * math.asin(min(0.5 * curvature(b)[0] * reach, 0.7))
+        foot = turned - b
+        found = (b - big_s * p) / (big_p * r) + (r - p) * foot - r * math.sin(foot)
+        found -= 2.0 * reach * (1.0 - math.cos(0.5 * turned))
+        found -= (b**2 + big_p * p**2) / (4.0 * big_s)
+        return found + reach * ei / (4.0 * self.axial_stiffness * r**2)
 
     # ---- state --------------------------------------------------------------------------------
 

@@ -81,10 +81,13 @@ def test_its_rates_and_energies_are_those_of_the_oracle(name: str) -> None:
 @of_each
 def test_its_jacobian_is_that_of_the_oracle_by_differences(name: str) -> None:
     """Every entry, over the largest of its row, W of the ends of wraps held. The square of speeds
-    in the length of cells is held, too: 1e-3 at these 3 m/s, and columns of mounts are differences
-    themselves, which see kinks of friction up to 5e-6 m/s off: few entries are.
+    in the length of cells is held, too: 1e-3 at these 3 m/s. The belt is 1 mm/s faster than where
+    the run ends, with a place of friction 1e-6 m/s off the change of its sense of slip: differences
+    see such kinks from 5e-6 m/s.
     """
-    params, state, model, y, _ = at_end(name)
+    params, state, model, _, _ = at_end(name)
+    state = {**state, "v": state["v"] + 1e-3}
+    y = ale_vector(model, state)
     j, names = dense.whole(params._model, state)
     runs.hold(model, y)
     number = {field: np.flatnonzero(names == field) for field in state if field != "t"}
@@ -95,14 +98,11 @@ def test_its_jacobian_is_that_of_the_oracle_by_differences(name: str) -> None:
         out.append(every["z"])
     keep = np.setdiff1d(np.arange(model.size), np.concatenate(out))
     scale = runs.scales(model)[keep]
-    # a place of a run with an arm ends 1e-6 m/s off the change of its sense of slip
     by_differences = runs.jacobian(model, state["t"], y, central=True, eps=1e-7)
     by_differences = by_differences[np.ix_(keep, keep)]
     apart = np.abs(by_differences - j[np.ix_(entry[keep], entry[keep])]) * scale / scale[:, None]
     rows = np.abs(by_differences * scale / scale[:, None]).max(axis=1, keepdims=True)
-    apart /= rows + 1e-6 * rows.max()
-    assert np.quantile(apart, 0.999) < 1e-3
-    assert np.count_nonzero(apart > 5e-3) <= 4
+    assert (apart / (rows + 1e-6 * rows.max())).max() < 1e-3
 
 
 @of_each
@@ -172,14 +172,14 @@ def frequencies(params: bd.Params, state: bd.State) -> np.ndarray:
 
 def test_its_tension_and_modes_at_rest_are_those_of_links() -> None:
     """U: 323.33 N at mid span, torsion 92.5, lateral 125.2, 128.5 and 254.7 Hz of 480 links, whose
-    phase on the pulleys makes 0.15 %. Of the tension terms of (o / R)^2 are left out, o / R = 0.05.
+    phase on the pulleys makes 0.15 %; tensions of 480 and 960 links differ by 0.03 N.
     """
     params = ale(drives.scene_u().params, 50)
     state = bd.settle(params, friction=False, pulleys="held")
     model = on_mesh_of(params)
     y = ale_vector(model, state._to_core(params))
     tension = model.axial(y, model.geometry(0.0, y)).tension[model.spans]
-    assert tension == pytest.approx(323.33, abs=0.2)
+    assert tension == pytest.approx(323.33, abs=0.04)
     found = frequencies(params, state)
     np.testing.assert_allclose(found[:4], [92.505, 125.211, 128.482, 254.674], rtol=2e-3)
 

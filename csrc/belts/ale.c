@@ -90,13 +90,30 @@ static void lay_spline(const double *value, double *slope) {
   }
 }
 
-/* At one end of a span: delta, and what the lower tension of an arc, which here reaches to l / 2
- * from its end, is worth. */
-static double shorter_at(const bd_ale *ale, double pull, double radius) {
-  const double stretched = pull * (1.0 + pull / ale->axial), EI = ale->bending;
-  const double depth = bd_contact_depth(ale->quadratic, ale->linear, stretched / radius);
-  const double reach = EI > 0.0 ? sqrt(EI / pull) * EI / (4.0 * ale->axial * radius * radius) : 0.0;
-  return bd_shorter_at_end(stretched, EI, radius, depth) + reach;
+/* At one end of a span: delta (MODEL section 11.2), and what the lower tension of an arc, which
+ * here reaches to l / 2 from its end, is worth. As bd_shorter_at_end, but for the tension of the
+ * arc on it and the free part as an elastica. */
+static double shorter_at(const bd_ale *ale, double pull, double R) {
+  const double stretch = 1.0 + pull / ale->axial, EI = ale->bending;
+  if (!(EI > 0.0)) {
+    const double deep = bd_contact_depth(ale->quadratic, ale->linear, pull * stretch / R);
+    return bd_shorter_at_end(pull * stretch, 0.0, R, deep);
+  }
+  const double SHARPEST = 0.7; /* sine of half the angle by which belt turns before it touches */
+  const double lower = fmax(pull - EI / (2.0 * R * R), 0.5 * pull);
+  const double p = bd_contact_depth(ale->quadratic, ale->linear, lower * stretch / R);
+  const double tau = lower / EI, l = sqrt(EI / pull), P = sqrt(tau / (R * p));
+  const double S = sqrt(tau + 2.0 * P);
+  double b = 0.0, half = 0.0;
+  for (int k = 0; k < 40; ++k) { /* by more than a digit a turn */
+    const double along = sqrt(1.0 - half * half) / l;
+    b = (S * tau / P + (tau / P + 1.0) * along) / (R * (tau + P + S * along));
+    half = fmin(0.5 * l * (1.0 / R + P * p - S * b), SHARPEST);
+  }
+  const double foot = 2.0 * asin(half) - b;
+  return (b - S * p) / (P * R) + (R - p) * foot - R * sin(foot) -
+         2.0 * l * (1.0 - sqrt(1.0 - half * half)) - 0.25 * (b * b + P * p * p) / S +
+         l * EI / (4.0 * ale->axial * R * R);
 }
 
 static void lay_table(const bd_ale *ale, int i, bd_ale_table *table) {
