@@ -29,7 +29,7 @@ from beltdyn import _core
 from beltdyn.base import npz
 from beltdyn.base.blocks import BlockFile
 from beltdyn.outputs.histories import GROUPS
-from beltdyn.run import checkpoints, simulation, start_of_run
+from beltdyn.run import checkpoints, start_of_run
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -109,7 +109,7 @@ def last_record(path: Path) -> Any:
 @pytest.fixture
 def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     """A restart record in memory every few milliseconds."""
-    monkeypatch.setattr(simulation, "CHUNK", 0.0)
+    monkeypatch.setattr("beltdyn.run.run.CHUNK", 0.0)
 
 
 def goes_on(path: Path, expected: bd.Result, at: list[int]) -> None:

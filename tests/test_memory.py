@@ -39,7 +39,7 @@ def test_samples_beyond_memory_are_refused_before_anything_runs(
     scene: bd.Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(memory, "available", lambda: 1_500_000_000)
-    for runs in ("beltdyn.run.simulation.settle", "beltdyn._core.Simulation"):
+    for runs in ("beltdyn.run.run.settle", "beltdyn._core.Simulation"):
         monkeypatch.setattr(runs, mock.Mock(side_effect=AssertionError("it ran")))
     with pytest.raises(MemoryError) as caught:
         bd.simulate(*scene, t_eval=np.linspace(0.0, 1.0, 5 * MANY))
@@ -75,7 +75,7 @@ def test_memory_that_is_refused_after_all(
     scene: bd.Scene, start: bd.State, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     refusing = mock.Mock(**{"return_value.sample.side_effect": MemoryError("Unable to allocate")})
-    monkeypatch.setattr("beltdyn.run.simulation._core.Simulation", refusing)
+    monkeypatch.setattr("beltdyn.run.run._core.Simulation", refusing)
     with pytest.raises(MemoryError, match=r"^t_eval is too long .* which could not be had; take"):
         bd.simulate(*scene, initial=start)
     refusing.return_value.sample.side_effect = KeyboardInterrupt

@@ -170,7 +170,7 @@ def test_names_are_checked_before_anything_runs(monkeypatch: pytest.MonkeyPatch)
     def never(*_: Any, **__: Any) -> Any:
         raise AssertionError("it ran")
 
-    monkeypatch.setattr("beltdyn.run.simulation.settle", never)
+    monkeypatch.setattr("beltdyn.run.run.settle", never)
     monkeypatch.setattr("beltdyn._core.Simulation", never)
     wrong: list[tuple[Any, type[Exception], str]] = [
         ("pulleys", TypeError, r"^outputs must be a tuple .* write \('pulleys',\)$"),

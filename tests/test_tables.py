@@ -8,14 +8,18 @@ tuples of the stub, the equations' symbols that a state is made of.
 from __future__ import annotations
 
 import ast
+import inspect
 import re
 from pathlib import Path
 
 import attrs
+import click
+import numpy as np
 import pytest
 
 import beltdyn as bd
-from beltdyn import _core
+from beltdyn import _core, cli
+from beltdyn.base.run_options import USUAL, Options
 from beltdyn.drive.friction import LAWS
 from beltdyn.drive.rules import rules_of
 from beltdyn.outputs import histories
@@ -140,3 +144,33 @@ def test_belts_of_the_table_tell_the_facts_of_the_stub() -> None:
             params.belt, mesh=row["mesh"], model=row["model"], bending_stiffness=0.0
         )
         assert attrs.evolve(params, belt=belt)._belt_facts == row
+
+
+#: Arguments of simulate that are no options of one run: what is run, on which times, what is kept.
+OTHERS = {
+    *("params", "torque_fn", "t_end", "motion", "t_eval", "initial", "progress", "outputs"),
+    *("verify", "budget", "expected", "checkpoint"),
+}
+
+
+def test_options_of_a_run_are_arguments_of_simulate_and_of_the_core() -> None:
+    """Of the same defaults, described with their units; those of the command line say the same."""
+    rows, arguments = Options.rows(), inspect.signature(bd.simulate).parameters
+    assert [name for name in arguments if name in rows] == sorted(rows, key=[*arguments].index)
+    assert set(arguments) - set(rows) == OTHERS
+    core = set(inspect.signature(_core.Simulation).parameters)
+    assert core - set(rows) == {"model", "state", "torque", "t_end", "motion", "guards"}
+    assert set(USUAL.of_core()) == set(rows)
+    args = re.split(r"\n *(?:Args|Raises):\n", inspect.getdoc(bd.simulate) or "")[1]
+    texts = dict(re.findall(r"^    (\w+): ((?:.|\n     +)*)", args, re.MULTILINE))
+    for name, row in rows.items():
+        default, usual = arguments[name].default, getattr(USUAL, name)
+        assert np.array_equal(default, usual) and type(default) in (type(usual), tuple)
+        assert usual is None or isinstance(usual, row.kind)
+        assert ("[s]" in texts[name]) == (row.unit == "s"), name
+    for name, command in cli.main.commands.items():
+        for option in command.params:
+            if option.name in rows and name in ("run", "explain"):
+                assert isinstance(option, click.Option)
+                assert option.default == getattr(USUAL, option.name)
+                assert option.help == rows[option.name].text

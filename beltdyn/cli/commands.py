@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from textwrap import fill
-from typing import Any
+from typing import Any, TypeVar
 
 import attrs
 import click
@@ -12,12 +13,13 @@ import click
 from .. import __version__, accuracy, scenes
 from ..base.checks import close_to
 from ..base.columns import columns
+from ..base.run_options import BY_BUDGET, USUAL, Options
 from ..base.run_warnings import silenced
 from ..drive.parts import CHOOSE, MESHES
 from ..drive.scene import Scene
 from ..explaining import explain
 from ..run.checkpoints import Checkpoint, Fresh
-from ..run.simulation import METHODS, simulate
+from ..run.simulation import simulate
 from ..scenes.hard_scenes import SCENES as HARD
 from ..scenes.hard_scenes import HardScene
 from ..verification.quantities import QUANTITIES
@@ -26,6 +28,8 @@ from .printed import check_share, print_result, running, write
 from .written import Outputs, draw_layout, save_figure
 
 __all__ = ["main"]
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 
 @click.group("beltdyn", cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
@@ -108,6 +112,18 @@ _mesh_option = click.option(
 )
 
 
+def _of_run(name: str) -> Callable[[_Command], _Command]:
+    """Return the option of the command line for an option of a run."""
+    row, default = Options.rows()[name], getattr(USUAL, name)
+    return click.option(
+        f"--{name.replace('_', '-')}",
+        type=click.Choice(row.limits) if row.kind is str else row.kind,
+        default=default,
+        show_default=default is not None,
+        help=row.text,
+    )
+
+
 def _find(scene: str, mesh: str | None) -> Scene | HardScene:
     """Return the scene of a name or a file, its belt on another mesh if one is named."""
     found = scenes.find(scene)
@@ -158,9 +174,9 @@ def show(scene: str, mesh: str | None, plot: Path | None) -> None:
 @click.option(
     "--animate", type=click.Path(path_type=Path), help="Write a film (.gif, .mp4, .html)."
 )
-@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
-@click.option("--rtol", type=float, default=1e-4, show_default=True, help="Error asked for.")
-@click.option("--step", type=float, help="Fixed step [s] of rk4, lbdf2, lie; else the first step.")
+@_of_run("method")
+@_of_run("rtol")
+@_of_run("step")
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
 @click.option("--verify", is_flag=True, help="Run again, finer, on other meshes: print the errors.")
 @click.option(
@@ -204,14 +220,12 @@ def show(scene: str, mesh: str | None, plot: Path | None) -> None:
 @click.pass_context
 def run(
     context: click.Context,
+    /,
     scene: str,
     mesh: str | None,
     out: Path | None,
     plot: Path | None,
     animate: Path | None,
-    method: str,
-    rtol: float,
-    step: float | None,
     t_end: float | None,
     verify: bool,
     error: float | None,
@@ -224,6 +238,7 @@ def run(
     full: bool,
     verbose: bool,
     quiet: bool,
+    **of_run: Any,
 ) -> None:
     """Run SCENE, a name from `beltdyn scenes` or a TOML file, and print a report of it.
 
@@ -240,7 +255,7 @@ def run(
         stop("--plot and --animate draw from all outputs: leave --outputs out", BAD_INPUT)
     names = None if outputs is None else tuple(filter(None, map(str.strip, outputs.split(","))))
     suggestion, told = None, None
-    options: dict[str, Any] = {"method": method, "rtol": rtol, "step": step, "budget": budget}
+    options: dict[str, Any] = {**of_run, "budget": budget}
     with reported("read" if checkpoint is None else "read or write"):
         if checkpoint is not None:
             asked = Checkpoint(checkpoint, checkpoint_every)
@@ -320,7 +335,7 @@ def _check_choice(context: click.Context, error: float | None, budget: float | N
     for option, value in (("--error", error), ("--budget", budget)):
         if value is None:
             continue
-        others = ["method", "rtol", "step"] + (["verify", "error"] if option == "--budget" else [])
+        others = [*BY_BUDGET] + (["verify", "error"] if option == "--budget" else [])
         for name in others:
             if given(name):
                 stop(f"{option} and --{name} must not be given together", BAD_INPUT)
@@ -416,7 +431,7 @@ def study_accuracy(
 @click.option(
     "--budget", type=float, default=30.0, show_default=True, help="CPU time for it, about [s]."
 )
-@click.option("--method", type=click.Choice(METHODS), default="auto", show_default=True)
+@_of_run("method")
 @click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
 def explain_scene(
     scene: str, mesh: str | None, error: float, budget: float, method: str, t_end: float | None

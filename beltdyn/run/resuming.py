@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+
+import attrs
 
 from ..base.checks import flag
 from ..base.naming import ByPulley
@@ -11,7 +12,7 @@ from ..loads.motions import MotionLike
 from ..loads.torques import TorqueLike
 from ..result.result import Result
 from .checkpoints import Continued
-from .simulation import _simulate
+from .run import once
 
 __all__ = ["resume"]
 
@@ -72,18 +73,16 @@ def resume(
                     f"hold: give the same one again, in Python, beltdyn.resume({recorder.path!r}, "
                     f"{name}=...)"
                 )
-        options: dict[str, Any] = dict(start.options)
+        options = start.options
         if max_steps is not None:
-            options["max_steps"] = max_steps
-        return _simulate(
-            start.scene.params,
-            torque,
-            start.scene.t_end,
-            motions,
-            t_eval=start.t_eval,
+            options = attrs.evolve(options, max_steps=max_steps)
+        return once(
+            start.scene._replace(torque_fn=torque, motion=motions),
+            options,
             initial=start.initial,
+            times=start.t_eval,
             outputs=start.outputs,
+            expected=start.expected,
             progress=flag("progress", progress),
             recorder=recorder,
-            **options,
         )[0]

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..base import npz
-from ..base.checks import Array
+from ..base.checks import Array, real, sample_times
 from ..base.naming import ByPulley
+from ..base.run_options import USUAL, Options
 from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.motions import MotionLike
@@ -22,21 +23,20 @@ from ..outputs.accuracy_report import WORDS, Expected
 from ..outputs.selection import chosen
 from ..outputs.state import SIZES, State, saved_shape
 
-__all__ = ["Start", "pack", "unpack"]
+__all__ = ["Start", "pack", "span", "unpack"]
 
+#: Those in text; times are an array.
+_OPTIONS = {name: row for name, row in Options.rows().items() if row.kind is not np.ndarray}
 _KIND: dict[str, tuple[type, ...]] = {
     "version": (str,),
     "kernels": (str,),
     "torque": (bool,),
     "motion": (bool, type(None)),
     "t_end": (float,),
-    "method": (str,),
-    "rtol": (float,),
-    "step": (float, type(None)),
-    "max_step": (float, type(None)),
-    "max_steps": (int, type(None)),
-    "ledger": (bool,),
-    "torque_interval": (float,),
+    **{
+        name: (row.kind,) if getattr(USUAL, name) is not None else (row.kind, type(None))
+        for name, row in _OPTIONS.items()
+    },
     "expected": (list, type(None)),
     "outputs": (list, type(None)),
     "settle_time": (float,),
@@ -44,9 +44,6 @@ _KIND: dict[str, tuple[type, ...]] = {
     "t": (float,),
     "residual": (float, type(None)),
 }
-_OPTIONS = ("method", "rtol", "step", "max_step", "max_steps", "ledger", "torque_interval")
-#: Of these, those that are 0 for the core where they are not given.
-_OR_NONE = ("step", "max_step", "max_steps")
 _INITIAL = {f"initial.{name}": name for name, *_ in _core.STATE_FIELDS}
 _NAMES = {"meta.json", "scene.toml", "t_eval", "breakpoints", *_INITIAL}
 
@@ -61,7 +58,8 @@ class Start:
         initial: The state it began from.
         t_eval: Sample times (n_t,) [s].
         outputs: What is kept, as :func:`beltdyn.outputs.selection.chosen` returns it.
-        options: The others of :func:`beltdyn.simulate`, by name, checked.
+        options: How it is integrated.
+        expected: Errors that pilot runs have shown.
         settle_time: Wall time of settling before it [s].
         kernels: Instruction level of the core.
         has_motion: Whether motions are prescribed.
@@ -71,7 +69,8 @@ class Start:
     initial: State
     t_eval: Array
     outputs: tuple[str, ...] | None
-    options: Mapping[str, Any]
+    options: Options
+    expected: Expected | None
     settle_time: float
     kernels: str = attrs.field(factory=_core.kernel_level)
     has_motion: bool = attrs.field()
@@ -79,6 +78,15 @@ class Start:
     @has_motion.default
     def _has_motion(self) -> bool:
         return bool(self.scene.motion)
+
+
+def span(initial: State | None, t_end: float) -> tuple[float, float]:
+    """Return the times at which a run begins and ends, checked."""
+    start = 0.0 if initial is None else initial.t
+    end = real("t_end", t_end, "s")
+    if end <= start:
+        raise ValueError(f"t_end must be > initial.t ({start:g} s), got {end:g} s")
+    return start, end
 
 
 def pack(start: Start, every: float) -> bytes:
@@ -90,9 +98,8 @@ def pack(start: Start, every: float) -> bytes:
         "torque": torque,
         "motion": motion,
         "t_end": float(start.scene.t_end),
-        **{name: start.options[name] for name in _OPTIONS},
-        **{name: start.options[name] or None for name in _OR_NONE},
-        "expected": start.options["expected"] and attrs.astuple(start.options["expected"]),
+        **{name: getattr(start.options, name) for name in _OPTIONS},
+        "expected": start.expected and attrs.astuple(start.expected),
         "outputs": start.outputs,
         "settle_time": start.settle_time,
         "every": every,
@@ -103,7 +110,7 @@ def pack(start: Start, every: float) -> bytes:
         "meta.json": json.dumps(meta),
         "scene.toml": text,
         "t_eval": start.t_eval,
-        "breakpoints": start.options["breakpoints"],
+        "breakpoints": start.options.breakpoints,
         **{saved: getattr(start.initial, name) for saved, name in _INITIAL.items()},
     }
     return npz.pack(values)
@@ -125,21 +132,22 @@ def unpack(content: bytes) -> tuple[Start, float]:
         name: npz.number_array(name, arrays[name], np.float64, (arrays[name].size,))
         for name in ("t_eval", "breakpoints")
     }
+    initial = _initial(arrays, meta, scene.params)
+    begin, end = span(initial, meta["t_end"])
     start = Start(
         scene=Scene(
             scene.params,
             scene.torque_fn if meta["torque"] else None,
-            meta["t_end"],
+            end,
             scene.motion if meta["motion"] else None,
         ),
-        initial=_initial(arrays, meta, scene.params),
-        t_eval=numbers["t_eval"],
+        initial=initial,
+        t_eval=sample_times("t_eval", numbers["t_eval"], begin, end),
         outputs=chosen(meta["outputs"], meta["ledger"]),
-        options={
-            **{name: meta[name] for name in _OPTIONS},
-            "expected": _expected(meta["expected"]),
-            "breakpoints": numbers["breakpoints"],
-        },
+        options=Options(
+            **{name: meta[name] for name in _OPTIONS}, breakpoints=numbers["breakpoints"]
+        ),
+        expected=_expected(meta["expected"]),
         settle_time=meta["settle_time"],
         kernels=meta["kernels"],
         has_motion=meta["motion"] is not None,

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..base.checks import close_to, real, shown
 from ..base.naming import label
+from ..base.run_options import Options
 from ..drive.parameters import Path, assign, fields, numbers, parse, read, rule_of, with_indices
 from ..drive.scene import Scene
 from ..loads.motions import CrankMotion, Motion, MotionLike, as_motions
@@ -24,19 +25,7 @@ from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum
 __all__ = ["OPTIONS", "Named", "ScaledFunction", "changed", "find", "in_words"]
 
 #: Arguments of simulate that may differ between the runs of a sweep.
-OPTIONS = (
-    "method",
-    "rtol",
-    "t_eval",
-    "breakpoints",
-    "step",
-    "max_step",
-    "max_steps",
-    "ledger",
-    "torque_interval",
-    "verify",
-    "initial",
-)
+OPTIONS = (*Options.rows(), "t_eval", "verify", "initial")
 _SCALE = "scale"
 
 
@@ -96,8 +85,8 @@ def in_words(scene: Scene, name: str) -> tuple[str, str]:
     if found.root == "t_end":
         return "s", "end of the run"
     if found.root == "option":
-        unit = "s" if found.path[0] in ("step", "max_step", "torque_interval") else ""
-        return unit, f"{found.path[0]} of simulate"
+        row = Options.rows().get(str(found.path[0]))
+        return row.unit if row else "", f"{found.path[0]} of simulate"
     if found.root in ("torque", "motion"):
         if found.path and found.path[-1] == _SCALE:
             what = "set torques" if found.root == "torque" else "prescribed motion"

@@ -12,13 +12,15 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..base.naming import ByPulley
+from ..base.checks import Array
+from ..base.run_options import Options
 from ..base.run_warnings import silenced
 from ..base.stopping import Stopper
 from ..drive.compliance import compliance_error
 from ..drive.params import Params
-from ..loads.motions import MotionLike, in_core
-from ..loads.torques import Torque, TorqueLike
+from ..drive.scene import Scene
+from ..loads.motions import in_core
+from ..loads.torques import Torque
 from ..outputs.accuracy_report import SPACE_FLOOR, TIME_FLOOR, Accuracy, QuantityError, known
 from ..outputs.state import State
 from ..result.errors import Interrupted
@@ -61,7 +63,7 @@ JUDGED = 0.1
 
 _SPEEDS = ("vx", "vy", "vphi", "v", "p", "omega")
 
-#: ``simulate`` without verification; it also returns the state from which the run started.
+#: Runs a scene with options; it also returns the state from which the run started.
 Run = Callable[..., tuple[Result, State]]
 Settle = Callable[..., State]
 
@@ -88,29 +90,25 @@ class Verification:
         self,
         run: Run,
         settle: Settle,
-        params: Params,
-        torque_fn: TorqueLike,
-        t_end: float,
-        motion: ByPulley[MotionLike] | None,
+        scene: Scene,
         initial: State | None,
-        options: Mapping[str, Any],
+        times: Array,
+        options: Options,
     ) -> None:
         self._run, self._settle = run, settle
-        self._params, self._initial = params, initial
-        self._loads = (torque_fn, t_end, motion)
-        self._options = {
-            name: options[name] for name in ("t_eval", "breakpoints", "max_step", "torque_interval")
-        }
-        self._method: str = options["method"]
-        self._rtol: float = options["rtol"]
-        self._step: float | None = options["step"]
+        self._scene, self._params, self._initial = scene, scene.params, initial
+        self._times = times
+        self._options = attrs.evolve(options, step=None, max_steps=None, ledger=False)
+        self._method, self._rtol, self._step = options.method, options.rtol, options.step
         self._notes: list[str] = []
         self._stopper = Stopper()
         self._pool: ThreadPoolExecutor | None = None
         self._meshes: dict[float, Future[_Check | str]] = {}
         self._in_time: tuple[str, Future[_Check | str]] | None = None
-        motions = motion.values() if isinstance(motion, Mapping) else ()
-        self._parallel = isinstance(torque_fn, Torque) and all(in_core(one) for one in motions)
+        motions = scene.motion.values() if isinstance(scene.motion, Mapping) else ()
+        self._parallel = isinstance(scene.torque_fn, Torque) and all(
+            in_core(one) for one in motions
+        )
 
     def __enter__(self) -> Verification:
         if self._parallel:
@@ -125,7 +123,7 @@ class Verification:
 
     def watch(self, reached: Reached) -> None:
         """Start the check in time, the longest run, as soon as its method can be chosen."""
-        start, end = reached.start.t, float(self._loads[1])
+        start, end = reached.start.t, self._scene.t_end
         part = (reached.t - start) / (end - start)
         if self._pool is None or self._in_time is not None or part < BEGUN:
             return
@@ -280,7 +278,7 @@ class Verification:
         """Integrate the same mesh again, to a tighter tolerance."""
         rtol = max(1e-12, TIGHTER * (self._rtol if self._step is None else min(self._rtol, 1e-4)))
         # Friction or contact may be stiffer than the joints: explicit steps then go nowhere.
-        steps = self._explicit_steps(float(self._loads[1]) - start.t)
+        steps = self._explicit_steps(self._scene.t_end - start.t)
         return self._checked(
             f"{method} at rtol = {rtol:.2g} on the same mesh",
             self._params,
@@ -344,20 +342,14 @@ class Verification:
         self, name: str, params: Params, start: State | None, **options: Any
     ) -> _Check | str:
         """Run; errors, also of a user's function, are returned as text: the main result is kept."""
-        torque_fn, t_end, motion = self._loads
-        options = {**self._options, "step": None, "max_steps": None, **options}
         try:
             with silenced():
                 result, _ = self._run(
-                    params,
-                    torque_fn,
-                    t_end,
-                    motion,
+                    self._scene._replace(params=params),
+                    attrs.evolve(self._options, **options),
                     initial=start,
-                    ledger=False,
+                    times=self._times,
                     outputs=OBSERVED,
-                    progress=False,
-                    **options,
                 )
             return _Check(name, observe(result), result.stats.cpu_time, _apart_from(result))
         except Interrupted:

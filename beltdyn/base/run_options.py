@@ -1,0 +1,131 @@
+"""Options of a run: default, limits, unit and meaning of each, in one table."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import attrs
+import numpy as np
+
+from .. import _core
+from .checks import Array, flag, integer, one_of, positive, real, real_array
+
+__all__ = ["BY_BUDGET", "METHODS", "USUAL", "Options", "Row"]
+
+#: Integration methods, of the core's table; :func:`beltdyn.simulate` describes them.
+METHODS = _core.METHODS
+
+
+@attrs.frozen
+class Row:
+    """What an option may be, and what it is.
+
+    Attributes:
+        kind: The type of its values; of several times :class:`numpy.ndarray`.
+        text: What it is, in a sentence.
+        unit: Its unit, "" if it has none.
+        limits: Of a text, all that it may be; of an integer, the least; of a number, the least and
+            the largest: without them it is > 0.
+    """
+
+    kind: type
+    text: str
+    unit: str = ""
+    limits: tuple[Any, ...] = ()
+
+    def check(self, name: str, value: object) -> Any:
+        """Check a value; return it as a plain one.
+
+        Raises:
+            TypeError: Wrong kind.
+            ValueError: Outside the limits.
+        """
+        if self.kind is str:
+            return one_of(name, value, self.limits)
+        if self.kind is bool:
+            return flag(name, value)
+        if self.kind is int:
+            return integer(name, value, *self.limits)
+        if self.kind is np.ndarray:
+            return np.sort(real_array(name, value, ndim=1))
+        if not self.limits:
+            return positive(name, value, self.unit)
+        number, (least, most) = real(name, value), self.limits
+        if not least <= number <= most:
+            raise ValueError(f"{name} must be from {least:g} to {most:g}, got {number:g}")
+        return number
+
+
+def _row(*row: Any, **others: Any) -> dict[str, Row]:
+    return {"row": Row(*row, **others)}
+
+
+def _with_checks(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+    """Return the fields, each with the check of its row; None passes where it is the default."""
+
+    def checked(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
+        check: Any = partial(field.metadata["row"].check, field.name)
+        return field.evolve(
+            converter=attrs.converters.optional(check) if field.default is None else check
+        )
+
+    return [checked(field) for field in fields]
+
+
+@attrs.frozen(kw_only=True, eq=False, field_transformer=_with_checks)
+class Options:
+    """How a run is integrated: arguments of :func:`beltdyn.simulate`, checked; each is a row.
+
+    One that is None is chosen by the core, or there is no limit. To add one: a row here, of the
+    same name an argument of ``simulate`` with its paragraph, and a keyword of the core's
+    ``Simulation``. All else, such as names of sweeps and what a checkpoint keeps, follows.
+    """
+
+    method: str = attrs.field(
+        default="auto", metadata=_row(str, "Integration method.", limits=METHODS)
+    )
+    rtol: float = attrs.field(
+        default=1e-4, metadata=_row(float, "Error asked for.", limits=(1e-12, 1.0))
+    )
+    step: float | None = attrs.field(
+        default=None,
+        metadata=_row(float, "Fixed step [s] of rk4, lbdf2, lie; else the first step.", "s"),
+    )
+    max_step: float | None = attrs.field(
+        default=None, metadata=_row(float, "Longest step [s].", "s")
+    )
+    max_steps: int | None = attrs.field(
+        default=None, metadata=_row(int, "Most steps.", limits=(1,))
+    )
+    ledger: bool = attrs.field(default=True, metadata=_row(bool, "Record the energies."))
+    torque_interval: float = attrs.field(
+        default=5e-4,
+        metadata=_row(float, "Longest time between two calls of a torque function [s].", "s"),
+    )
+    breakpoints: Array = attrs.field(
+        default=(), metadata=_row(np.ndarray, "Times at which steps end [s].", "s")
+    )
+
+    @classmethod
+    def rows(cls) -> dict[str, Row]:
+        """Return the rows by name, in order."""
+        return {field.name: field.metadata["row"] for field in attrs.fields(cls)}
+
+    @classmethod
+    def among(cls, given: dict[str, Any]) -> Options:
+        """Return those among arguments of several kinds."""
+        return cls(**{name: given[name] for name in cls.rows()})
+
+    def of_core(self) -> dict[str, Any]:
+        """Return keywords of the core's ``Simulation``, for which 0 is "not given"."""
+        return {
+            name: row.kind(0) if getattr(self, name) is None else getattr(self, name)
+            for name, row in self.rows().items()
+        }
+
+
+#: The defaults.
+USUAL = Options()
+#: Those that a budget of CPU time, or an error asked for, chooses.
+BY_BUDGET = ("method", "rtol", "step")

@@ -1,0 +1,312 @@
+"""One run of a drive: created, advanced to its end, collected as a result."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import attrs
+
+from .. import _core
+from ..base.checks import Array
+from ..base.run_options import Options
+from ..base.run_warnings import RunWarning, is_error, issue
+from ..base.stopping import stoppable
+from ..drive.params import Params
+from ..drive.scene import Scene
+from ..loads.callback_errors import CallbackErrors
+from ..loads.motions import CrankMotion, Motion, as_motions, first_speeds, motion_terms
+from ..loads.torques import as_terms
+from ..outputs.accuracy_report import Expected
+from ..outputs.histories import Stats
+from ..outputs.selection import LEDGER, of_belt, of_core, unchecked
+from ..outputs.state import State
+from ..result.errors import Interrupted, SimulationError, annotate
+from ..result.result import Result
+from ..verification.runs import Reached
+from . import memory, observed
+from .checkpoints import Recorder, Spent
+from .progress import over_time
+from .settling import CHUNK, settle
+from .start_of_run import Start
+
+__all__ = ["Run", "first_speed", "once"]
+
+#: The same for a run that a verifying run follows [s].
+_CHUNK_FOLLOWED = 0.01
+
+
+def once(
+    scene: Scene,
+    options: Options,
+    watch: Callable[[Reached], None] | None = None,
+    **others: Any,
+) -> tuple[Result, State]:
+    """Run once; return also the state it started from. Arguments are those of :class:`Run`.
+
+    ``watch`` is told now and then how far it is; a SimulationError that it raises ends the run.
+    """
+    run = Run(scene, options, **others)
+    finished = run.advance(watch)
+    try:
+        issue(finished.warnings[len(run.of_drive) :], stacklevel=3)
+    except Warning as error:  # a warning filter has turned it into an error
+        _keep_result(error, finished)
+        raise
+    return finished, run.initial
+
+
+class Run:
+    """A run, ready to be advanced: its drive is settled, its samples have their memory.
+
+    Args:
+        scene: Drive, torque, end and motions.
+        options: How it is integrated.
+        initial: The state to start from, which fits the drive; None: settled.
+        times: Sample times (n_t,) [s], within the run.
+        outputs: What is kept, as :func:`beltdyn.outputs.selection.chosen` returns it.
+        expected: Errors that pilot runs have shown.
+        progress: Whether to show a progress bar.
+        recorder: What writes it as it goes; with one of a run that was stopped, it goes on.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        options: Options,
+        *,
+        initial: State | None,
+        times: Array,
+        outputs: tuple[str, ...] | None = None,
+        expected: Expected | None = None,
+        progress: bool = False,
+        recorder: Recorder | None = None,
+    ) -> None:
+        params = scene.params
+        self._scene, self._times, self._expected = scene, times, expected
+        self._progress, self._recorder = progress, recorder
+        self._outputs = outputs = of_belt(outputs, params)
+        ledger = options.ledger and (outputs is None or LEDGER in outputs)
+        self._options = options = attrs.evolve(options, ledger=ledger)
+        terms = as_terms(scene.torque_fn, params.pulley_names)
+        self._motions = as_motions(scene.motion, params.pulley_names)
+        names = of_core(outputs, ledger)
+        needed = memory.check_samples(times.size, params._model.sizes, names, ledger)
+
+        # Before settling, which may take long, and may fail for the very reason they name.
+        self.of_drive = tuple(one for one in params._noticed if one.code != "mesh")
+        for one in params._noticed:  # of its mesh a run knows more, and warns at its end
+            if one.code == "mesh" and expected is None and is_error(one, stacklevel=4):
+                issue([one], stacklevel=4)
+        issue(self.of_drive, stacklevel=4)
+        settle_time = 0.0
+        if initial is None:
+            begun = time.perf_counter()
+            speed = first_speed(params, self._motions, scene.t_end, options.breakpoints)
+            initial = settle(params, speed=speed, progress=progress)
+            settle_time = time.perf_counter() - begun
+        self.initial = initial
+
+        with _nothing_computed(params):
+            self._sim = _core.Simulation(
+                params._model,
+                initial._to_core(params),
+                terms,
+                scene.t_end,
+                motion=motion_terms(self._motions),
+                **options.of_core(),
+            )
+        try:
+            self._arrays = self._sim.sample(times, names)
+            before = Spent(settle=settle_time)
+            if recorder is not None:
+                start = Start(
+                    scene=scene,
+                    initial=initial,
+                    t_eval=times,
+                    outputs=outputs,
+                    options=options,
+                    expected=expected,
+                    settle_time=settle_time,
+                )
+                with _nothing_computed(params):
+                    before = recorder.begin(self._sim, self._arrays, start)
+            cpu, wall = time.thread_time(), time.perf_counter()
+        except MemoryError:
+            raise memory.no_room(times.size, needed, "which could not be had") from None
+        except KeyboardInterrupt as error:  # arrays of a million rows take time to make
+            raise Interrupted("interrupted before the first step, nothing was computed") from error
+
+        def spent() -> Spent:  # no method: the recorder keeps it, and must not keep the run
+            return before._replace(
+                cpu=before.cpu + time.thread_time() - cpu,
+                wall=before.wall + time.perf_counter() - wall,
+            )
+
+        self._spent = spent
+
+    def advance(self, watch: Callable[[Reached], None] | None = None) -> Result:
+        """Go on to the end, and return the result.
+
+        Raises:
+            SimulationError, Interrupted, Exception: As :func:`beltdyn.simulate`, with the result
+                up to there.
+        """
+        sim, recorder = self._sim, self._recorder
+        start, end = self.initial.t, self._scene.t_end
+        finishing = False
+        callback_errors = CallbackErrors(sim.stop)
+        chunk = CHUNK if watch is None else _CHUNK_FOLLOWED
+        if recorder is not None:
+            recorder.count(self._spent)
+            chunk = min(chunk, recorder.every)
+        try:
+            with (
+                callback_errors,
+                stoppable(sim),
+                over_time(self._progress, "simulating", start, end) as show,
+            ):
+                while not sim.advance(chunk):
+                    show(sim.time)
+                    if watch is not None:
+                        watch(Reached(self.initial, sim.time, int(sim.stats["steps"]), sim.method))
+                    if recorder is not None and callback_errors.error is None:
+                        recorder.look(sim)
+            if recorder is not None:
+                recorder.end(sim, finished=True)
+            finishing = True
+            return self.collect("finished", self._at_end())
+        except SimulationError as error:
+            if recorder is not None:
+                recorder.end(sim)
+            error.result = self.collect("failed", str(error))
+            annotate(error, self._scene.params, error.result.warnings)
+            raise
+        except (KeyboardInterrupt, Exception) as error:
+            raised = callback_errors.error or error
+            if recorder is not None and not finishing:
+                recorder.end(sim, sound=callback_errors.error is None)
+            if isinstance(raised, KeyboardInterrupt):
+                raise self._interrupted() from raised
+            if finishing:
+                raise
+            whose = "a torque or motion function" if self._motions else "the torque function"
+            why = f"{whose} raised {type(raised).__name__} after t = {sim.time:.6g} s"
+            _keep_result(raised, self.collect("failed", why))
+            raised.add_note(why)
+            if recorder is not None:
+                raised.add_note(recorder.hint)
+            if raised is error:
+                raise
+            raise raised from None
+
+    def collect(self, status: str, message: str) -> Result:
+        """Return the result of what was computed so far."""
+        sim, params, outputs = self._sim, self._scene.params, self._outputs
+        counters, spent = sim.stats, self._spent()
+        stats = Stats._from_core(
+            counters,
+            method="auto" if counters["changes"] else sim.method,
+            choice=sim.choice,
+            kernels=_core.kernel_level(),
+            cpu_time=spent.cpu,
+            wall_time=spent.wall,
+            settle_time=spent.settle,
+        )
+        seen = Result._from_core(
+            self._times,
+            self._arrays,
+            params._model.energy_terms,
+            sim.samples,
+            stats=stats,
+            effects=tuple(sim.passes),
+            success=status == "finished",
+            status=status,
+            message=message,
+            params=params,
+            prescribed=tuple(params.pulley_names[k] for k in self._motions),
+            outputs=outputs,
+            unchecked=unchecked(outputs, params.has_friction, bool(params.coupled)),
+            final_state=State._from_core(sim.state()),
+        )
+        if self._expected is not None:
+            seen = attrs.evolve(seen, accuracy=seen.accuracy.foreseen(self._expected))
+        of_core = [RunWarning(**one) for one in sim.warnings]
+        of_samples = observed.observe(seen, self._motions)
+        slack = any(one.code == "slack_span" for one in of_samples)
+        if slack:
+            unknown = tuple(attrs.evolve(one, time=None) for one in seen.accuracy.errors)
+            accuracy = attrs.evolve(seen.accuracy, errors=unknown)
+            seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None), accuracy=accuracy)
+        if seen.stats.error is not None:  # links that chatter then have no consequence
+            notes = tuple(_excused(one, stats.error) for one in of_core if one.code == "chatter")
+            accuracy = seen.accuracy
+            accuracy = attrs.evolve(accuracy, notes=(*accuracy.notes, *notes))
+            seen = attrs.evolve(seen, accuracy=accuracy)
+            of_core = [one for one in of_core if one.code != "chatter"]
+        if self._options.step is None and status != "failed" and not slack:
+            notes = (*seen.accuracy.notes, *observed.hint(seen, self._options.rtol))
+            seen = attrs.evolve(seen, accuracy=attrs.evolve(seen.accuracy, notes=notes))
+        of_file = () if self._recorder is None else self._recorder.warnings
+        return attrs.evolve(seen, warnings=(*self.of_drive, *of_core, *of_samples, *of_file))
+
+    def _at_end(self) -> str:
+        """Return the message of a run that has finished."""
+        sim, message = self._sim, f"reached t_end = {self._scene.t_end:g} s"
+        if self._options.method == "auto":
+            return f"{message}; {sim.choice}"
+        again = sim.stats["rejected"]
+        if self._options.step is None or sim.stats["local_error"] < 1.0 or not again:
+            return message
+        return (
+            f"{message}; {again} steps of the length asked for had errors of many times a joint's "
+            "stretch and were repeated with shorter ones: take a shorter step"
+        )
+
+    def _interrupted(self) -> Interrupted:
+        message = f"interrupted at t = {self._sim.time:.6g} s"
+        error = Interrupted(message, self.collect("interrupted", message))
+        if self._recorder is not None:
+            error.add_note(self._recorder.hint)
+        return error
+
+
+def first_speed(
+    params: Params, motions: Mapping[int, Motion | CrankMotion], end: float, breakpoints: Array
+) -> dict[int, float] | None:
+    """Return the speeds with which motions begin at the time 0; None if at rest.
+
+    They go on from there to the first breakpoint, or the end.
+    """
+    later = breakpoints[breakpoints > 0.0]
+    until = min(end, float(later[0])) if later.size else end
+    with _nothing_computed(params):
+        speeds = first_speeds(motions, 0.0, until, params.pulley_names)
+    return speeds if any(speeds.values()) else None
+
+
+def _excused(one: RunWarning, error: float | None) -> str:
+    """Make a note of links that chatter, where differences were watched and did not grow."""
+    found = one.text.partition(":")[0]
+    return f"{found}; differences did not grow meanwhile: the error in time is {error:.2g}"
+
+
+@contextmanager
+def _nothing_computed(params: Params) -> Iterator[None]:
+    """Yield exceptions from here an empty ``result``."""
+    try:
+        yield
+    except Exception as error:
+        if isinstance(error, SimulationError):
+            annotate(error, params, ())
+        _keep_result(error, None)
+        raise
+
+
+def _keep_result(error: BaseException, result: Result | None) -> None:
+    """Attach the finished part of a run to the user's exception, unless it has a ``result``."""
+    if not hasattr(error, "result"):
+        with suppress(AttributeError, TypeError):
+            error.result = result  # type: ignore[attr-defined]
