@@ -1,9 +1,7 @@
 """Options of a run: default, limits, unit and meaning of each, in one table."""
 
-from __future__ import annotations
-
 from functools import partial
-from typing import Any
+from typing import Annotated, Any, NamedTuple, Self
 
 import attrs
 import numpy as np
@@ -15,10 +13,10 @@ __all__ = ["BY_BUDGET", "METHODS", "USUAL", "Options", "Row"]
 
 #: Integration methods, of the core's table; :func:`beltdyn.simulate` describes them.
 METHODS = _core.METHODS
+_NO_TIMES: Array = np.zeros(0)
 
 
-@attrs.frozen
-class Row:
+class Row(NamedTuple):
     """What an option may be, and what it is.
 
     Attributes:
@@ -38,8 +36,7 @@ class Row:
         """Check a value; return it as a plain one.
 
         Raises:
-            TypeError: Wrong kind.
-            ValueError: Outside the limits.
+            TypeError, ValueError: Wrong kind, or outside the limits.
         """
         if self.kind is str:
             return one_of(name, value, self.limits)
@@ -57,18 +54,14 @@ class Row:
         return number
 
 
-def _row(*row: Any, **others: Any) -> dict[str, Row]:
-    return {"row": Row(*row, **others)}
-
-
-def _with_checks(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+def _with_checks(_cls: type, fields: list[Any]) -> list[Any]:
     """Return the fields, each with the check of its row; None passes where it is the default."""
 
-    def checked(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
-        check: Any = partial(field.metadata["row"].check, field.name)
-        return field.evolve(
-            converter=attrs.converters.optional(check) if field.default is None else check
-        )
+    def checked(field: Any) -> Any:
+        row: Row = field.type.__metadata__[0]
+        check: Any = partial(row.check, field.name)
+        optional = attrs.converters.optional(check) if field.default is None else check
+        return field.evolve(converter=optional, metadata={"row": row})
 
     return [checked(field) for field in fields]
 
@@ -82,30 +75,18 @@ class Options:
     ``Simulation``. All else, such as names of sweeps and what a checkpoint keeps, follows.
     """
 
-    method: str = attrs.field(
-        default="auto", metadata=_row(str, "Integration method.", limits=METHODS)
-    )
-    rtol: float = attrs.field(
-        default=1e-4, metadata=_row(float, "Error asked for.", limits=(1e-12, 1.0))
-    )
-    step: float | None = attrs.field(
-        default=None,
-        metadata=_row(float, "Fixed step [s] of rk4, lbdf2, lie; else the first step.", "s"),
-    )
-    max_step: float | None = attrs.field(
-        default=None, metadata=_row(float, "Longest step [s].", "s")
-    )
-    max_steps: int | None = attrs.field(
-        default=None, metadata=_row(int, "Most steps.", limits=(1,))
-    )
-    ledger: bool = attrs.field(default=True, metadata=_row(bool, "Record the energies."))
-    torque_interval: float = attrs.field(
-        default=5e-4,
-        metadata=_row(float, "Longest time between two calls of a torque function [s].", "s"),
-    )
-    breakpoints: Array = attrs.field(
-        default=(), metadata=_row(np.ndarray, "Times at which steps end [s].", "s")
-    )
+    method: Annotated[str, Row(str, "Integration method.", limits=METHODS)] = "auto"
+    rtol: Annotated[float, Row(float, "Error asked for.", limits=(1e-12, 1.0))] = 1e-4
+    step: Annotated[
+        float | None, Row(float, "Fixed step [s] of rk4, lbdf2, lie; else the first step.", "s")
+    ] = None
+    max_step: Annotated[float | None, Row(float, "Longest step [s].", "s")] = None
+    max_steps: Annotated[int | None, Row(int, "Most steps.", limits=(1,))] = None
+    ledger: Annotated[bool, Row(bool, "Record the energies.")] = True
+    torque_interval: Annotated[
+        float, Row(float, "Longest time between two calls of a torque function [s].", "s")
+    ] = 5e-4
+    breakpoints: Annotated[Array, Row(np.ndarray, "Times at which steps end [s].", "s")] = _NO_TIMES
 
     @classmethod
     def rows(cls) -> dict[str, Row]:
@@ -113,14 +94,15 @@ class Options:
         return {field.name: field.metadata["row"] for field in attrs.fields(cls)}
 
     @classmethod
-    def among(cls, given: dict[str, Any]) -> Options:
+    def among(cls, given: dict[str, Any]) -> Self:
         """Return those among arguments of several kinds."""
         return cls(**{name: given[name] for name in cls.rows()})
 
     def of_core(self) -> dict[str, Any]:
         """Return keywords of the core's ``Simulation``, for which 0 is "not given"."""
+        given = attrs.asdict(self)
         return {
-            name: row.kind(0) if getattr(self, name) is None else getattr(self, name)
+            name: row.kind(0) if given[name] is None else given[name]
             for name, row in self.rows().items()
         }
 

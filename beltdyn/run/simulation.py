@@ -246,23 +246,13 @@ def _plan(
 ) -> budgets.Plan:
     """Choose what to run for a budget of CPU time."""
 
-    def simulate_at(
-        params: Params,
-        torque_fn: TorqueLike,
-        t_end: float,
-        *,
-        motion: ByPulley[MotionLike] | None,
-        initial: State | None,
-        t_eval: Array,
-        watch: Any,
-        **setting: Any,
+    def run(
+        params: Params, torque_fn: Any, end: float, *, initial: Any, t_eval: Array, **at: Any
     ) -> Result:
-        one = Scene(params, torque_fn, t_end, motion)
-        return once(one, attrs.evolve(options, **setting), watch, initial=initial, times=t_eval)[0]
+        one, watch = Scene(params, torque_fn, end, at.pop("motion")), at.pop("watch")
+        return once(one, attrs.evolve(options, **at), watch, initial=initial, times=t_eval)[0]
 
-    return budgets.plan(
-        simulate_at, settle, scene, budget, initial=initial, t_eval=times, options={}
-    )
+    return budgets.plan(run, settle, scene, budget, initial=initial, t_eval=times, options={})
 
 
 def speeds_at_start(

@@ -86,7 +86,8 @@ def in_words(scene: Scene, name: str) -> tuple[str, str]:
         return "s", "end of the run"
     if found.root == "option":
         row = Options.rows().get(str(found.path[0]))
-        return row.unit if row else "", f"{found.path[0]} of simulate"
+        unit = row.unit if row and row.kind is not np.ndarray else ""  # of one number
+        return unit, f"{found.path[0]} of simulate"
     if found.root in ("torque", "motion"):
         if found.path and found.path[-1] == _SCALE:
             what = "set torques" if found.root == "torque" else "prescribed motion"
