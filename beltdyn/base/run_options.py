@@ -1,6 +1,7 @@
 """Options of a run: default, limits, unit and meaning of each, in one table."""
 
-from functools import partial
+from collections.abc import Mapping
+from functools import cache, partial
 from typing import Annotated, Any, NamedTuple, Self
 
 import attrs
@@ -89,7 +90,8 @@ class Options:
     breakpoints: Annotated[Array, Row(np.ndarray, "Times at which steps end [s].", "s")] = _NO_TIMES
 
     @classmethod
-    def rows(cls) -> dict[str, Row]:
+    @cache
+    def rows(cls) -> Mapping[str, Row]:
         """Return the rows by name, in order."""
         return {field.name: field.metadata["row"] for field in attrs.fields(cls)}
 
@@ -100,11 +102,8 @@ class Options:
 
     def of_core(self) -> dict[str, Any]:
         """Return keywords of the core's ``Simulation``, for which 0 is "not given"."""
-        given = attrs.asdict(self)
-        return {
-            name: row.kind(0) if given[name] is None else given[name]
-            for name, row in self.rows().items()
-        }
+        given = ((name, row.kind, getattr(self, name)) for name, row in self.rows().items())
+        return {name: kind(0) if value is None else value for name, kind, value in given}
 
 
 #: The defaults.

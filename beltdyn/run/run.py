@@ -88,8 +88,9 @@ class Run:
         self._scene, self._times, self._expected = scene, times, expected
         self._progress, self._recorder = progress, recorder
         self._outputs = outputs = of_belt(outputs, params)
-        ledger = options.ledger and (outputs is None or LEDGER in outputs)
-        self._options = options = attrs.evolve(options, ledger=ledger)
+        if outputs is not None and LEDGER not in outputs:
+            options = attrs.evolve(options, ledger=False)
+        self._options, ledger = options, options.ledger
         terms = as_terms(scene.torque_fn, params.pulley_names)
         self._motions = as_motions(scene.motion, params.pulley_names)
         names = of_core(outputs, ledger)
