@@ -461,7 +461,7 @@ def warned_of_cells() -> dict[str, Callable[[], bd.Params | bd.Result]]:
     return {
         "near_limit": lambda: attrs.evolve(drive, belt=bent),
         "tensioning": lambda: attrs.evolve(drive, tensioning=bd.Tensioning(friction=True)),
-        "near_slack": run(bd.PiecewiseLinear([0.0, 0.2], [[0.0, 0.0], [0.0, -57.0]]), 0.2, 0.0),
+        "near_slack": run(bd.PiecewiseLinear([0.0, 0.2], [[0.0, 0.0], [0.0, -58.0]]), 0.2, 0.0),
         "span_modes": run(still, 0.01, 900.0),
         "steep_span": swinging,
         "squeal": squealing,
