@@ -20,7 +20,8 @@ import mounted_drives
 import numpy as np
 
 import beltdyn as bd
-from beltdyn.sweeping import dispatch, store
+from beltdyn.many import store
+from beltdyn.sweeping import dispatch
 from beltdyn.sweeping.sweep import Swept, run_sweep
 
 #: Texts at the start of a program in another process, which then finds the modules of the tests.
@@ -144,7 +145,7 @@ def cluster(workers: int = 2, processes: bool = True) -> Iterator[Any]:
 def do(scene: Any, over: Any, measure: Any = None, **options: Any) -> Swept:
     """Do a sweep, quietly, with everything that it tells of itself."""
     given: dict[str, Any] = {"combine": "grid", "executor": "threads", "store": None, "warm": None}
-    given |= {"last": 0.2, "progress": False, "version": ""}
+    given |= {"last": 0.2, "progress": False, "key": ""}
     return run_sweep(scene, over, measure, **{**given, **options})
 
 
@@ -157,7 +158,7 @@ def go_on_slowly(folder: str, parts: int) -> None:
     hand_out = dispatch.Dispatch._hand_out
 
     def slowly(self: dispatch.Dispatch) -> None:
-        time.sleep(0.5 if len(list(Path(folder).glob("part-*.nc"))) >= parts else 0.0)
+        time.sleep(0.5 if len(list(Path(folder).glob("part-*.sqlite"))) >= parts else 0.0)
         hand_out(self)
 
     dispatch.Dispatch._hand_out = slowly  # type: ignore[method-assign]

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 import re
+import shutil
 import warnings
 from collections.abc import Callable
 from itertools import product
@@ -21,7 +22,6 @@ from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn.accuracy import QUANTITIES, studies
-from beltdyn.accuracy.records import Records, key_of
 from beltdyn.accuracy.suggestion import chosen
 from beltdyn.cli import main
 from beltdyn.drive import sanity
@@ -340,7 +340,7 @@ QUICK = {"methods": ("rodas4", "lbdf2"), "rtols": (1e-1, 1e-3), "n_bodies": (24,
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[bd.accuracy.Study, Path]:
-    store = tmp_path_factory.mktemp("study") / "runs.jsonl"
+    store = tmp_path_factory.mktemp("study") / "runs"
     return bd.accuracy.study(SHORT, store=store, **QUICK), store
 
 
@@ -415,36 +415,42 @@ def test_a_study_goes_on_where_it_was_interrupted(
     again = bd.accuracy.study(SHORT, store=store, **QUICK)
     assert again.rows == study.rows and again.to_csv() == study.to_csv()
     assert not simulate.called
-    lines = store.read_text().splitlines(keepends=True)
-    torn = tmp_path / "torn.jsonl"
-    torn.write_text("".join(lines[:-2]) + lines[-2][:40])  # killed while it wrote a line
+    parts = sorted(store.iterdir())
+    torn = tmp_path / "torn"
+    torn.mkdir()
+    for part in parts[:-2]:
+        shutil.copy(part, torn)
+    half = parts[-2]
+    (torn / f".{half.name}").write_bytes(half.read_bytes()[:40])  # killed while it wrote a part
     again = bd.accuracy.study(SHORT, store=torn, **QUICK)
     runs = [(one.args[0].belt.n_bodies, one.kwargs) for one in simulate.mock_calls]
     assert len({(links, kwargs["method"], kwargs["rtol"]) for links, kwargs in runs}) == 2
     assert [row.error for row in again.rows] == [row.error for row in study.rows]
-    assert len(Records(torn)._known) == len(lines)
+    assert len([*torn.glob("part-*")]) == len(parts)
 
 
 def test_another_scene_is_not_taken_for_the_same(
-    made: tuple[bd.accuracy.Study, Path], tmp_path: Path
+    made: tuple[bd.accuracy.Study, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Nor a store of something else, nor a scene that cannot be told from others."""
-    store = made[1]
-    identity = studies._identity(SHORT, 0.2)
-    other = studies._identity(SHORT._replace(t_end=0.021), 0.2)
-    key = ("reference", [192, "rodas4", 1e-3])
-    reference = ("observed",)
-    assert Records(store).get(key_of(identity, *key), reference) is not None
-    assert Records(store).get(key_of(identity, *key), ("seconds",)) is None  # lacks a field
-    assert Records(store).get(key_of(other, *key), reference) is None
+    store = tmp_path / "runs"
+    shutil.copytree(made[1], store)
+    simulate = mock.Mock(side_effect=RuntimeError("not run again"))
+    monkeypatch.setattr(studies, "simulate", simulate)
+    for other in (SHORT._replace(t_end=0.021), SHORT._replace(torque_fn=bd.Viscous([0.0, 1.0]))):
+        with pytest.raises(RuntimeError, match="not run again"):
+            bd.accuracy.study(other, store=store, **QUICK)
+    monkeypatch.setattr(studies, "_MEASURED", studies._MEASURED | {"more"})
+    with pytest.raises(RuntimeError, match="not run again"):  # records lack a field
+        bd.accuracy.study(SHORT, store=store, **QUICK)
     path = tmp_path / "scene.toml"
     text = SHORT.to_toml(path)
-    with pytest.raises(ValueError, match="the file holds something else than records"):
+    with pytest.raises(ValueError, match="it is a file; a store is a folder of its own"):
         bd.accuracy.study(SHORT, store=path, **QUICK)
     assert path.read_text() == text
     scene = SHORT._replace(torque_fn=lambda _t, _theta, _omega: [0.0, 0.0])
     with pytest.raises(TypeError, match="store needs a scene"):
-        bd.accuracy.study(scene, store=tmp_path / "runs.jsonl")
+        bd.accuracy.study(scene, store=tmp_path / "more")
 
 
 def test_a_failed_setting_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,9 +23,9 @@ from sweep_runs import PATH, bits, small
 
 import beltdyn as bd
 from beltdyn import cli
+from beltdyn.many.store import Store
 from beltdyn.sweeping import file as sweep_file
 from beltdyn.sweeping.measure import as_measure
-from beltdyn.sweeping.store import Store
 
 pytestmark = pytest.mark.filterwarnings("ignore:long_links")
 

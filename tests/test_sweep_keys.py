@@ -222,7 +222,7 @@ def test_what_does_the_same_has_the_same_token() -> None:
             with pytest.raises(NoKeyError, match="cannot be known"):
                 token(what)
     scene = sweep_runs.plain()._replace(torque_fn=sweep_runs.compiled)
-    with pytest.raises(ValueError, match="leave store out"):
+    with pytest.raises(ValueError, match="leave store out, or give key="):
         sweep_runs.do(scene, {"t_end": [1e-3]}, store="never made", executor="threads")
 
 
@@ -240,40 +240,43 @@ IMPORTS = [
 ]
 
 
-def test_what_a_function_imports_when_it_is_called_changes_the_token(
+def test_what_imports_modules_when_it_is_called_needs_a_key(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Also what that uses; whether the module has been imported before makes no difference."""
+    """Of the user's own, which the token would have to follow; also what is compiled. The key is
+    part of the token, as are names and what else is known.
+    """
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     (tmp_path / "ours").mkdir()
-
-    def tokens(k: str) -> list[str]:
-        for folder in (tmp_path, tmp_path / "ours"):
-            (folder / "mine.py").write_text(f"def h(t): return {k} * t\ndef g(t): return h(t)\n")
-        found = []
-        for text in IMPORTS:
-            for name in ("mine", "ours.mine", "ours"):
-                sys.modules.pop(name, None)
-            importlib.invalidate_caches()
-            function = of_code(text)
-            found.append(token(function))
-            assert token(function) == found[-1], text
-        return found
-
-    one, other, again = tokens("1.0"), tokens("2.0"), tokens("1.0")
-    assert not set(one) & set(other) and one == again
-    # what is not there, and what cannot be known
-    assert token(of_code("def f(t):\n  import not_there"))
-    (tmp_path / "mine.py").write_text("1 / 0\n")
-    sys.modules.pop("mine", None)
-    for text, said in (
-        (IMPORTS[0], "mine, which f imports, cannot be known: division by zero"),
-        ("import importlib\ndef f(t): return importlib.import_module('mine')", "what f imports"),
-        ("def f(t): return __import__('mine').g(t)", "what f imports cannot be known"),
-    ):
-        with pytest.raises(NoKeyError, match=said):
+    for folder in (tmp_path, tmp_path / "ours"):
+        (folder / "mine.py").write_text("def g(t): return t\n")
+    importlib.invalidate_caches()
+    by_text = [
+        "import importlib\ndef f(t): return importlib.import_module('mine')",
+        "def f(t): return __import__('mine').g(t)",
+    ]
+    for text in (*IMPORTS, *by_text):
+        with pytest.raises(NoKeyError, match="cannot be known, as it imports a module"):
             token(of_code(text))
+        assert token(of_code(text), "a") != token(of_code(text), "b"), text
+        assert token(of_code(text), "a") == token(of_code(text), "a"), text
+    for text in (
+        "def f(t):\n  import math, numpy\n  return math.sin(t)",
+        "def f(t):\n  from scipy.stats import norm\n  return norm",
+        "def f(t):\n  import not_there",
+        "import mine\ndef f(t): return mine.g(t)",
+    ):
+        assert token(of_code(text)) == token(of_code(text), "a"), text
+    monkeypatch.delitem(sys.modules, "mine")
+    scene = sweep_runs.plain()._replace(torque_fn=sweep_runs.compiled)
+    given: dict[str, Any] = {"store": tmp_path / "store", "executor": "threads"}
+    for key_given, stored in (("a", 0), ("a", 1), ("b", 0)):
+        swept = sweep_runs.do(scene, {"t_end": [1e-3]}, key=key_given, **given)
+        assert (swept.stored, swept.computed) == (stored, 1 - stored)
+    over = {"torque": [sweep_runs.compiled]}
+    with pytest.raises(ValueError, match="cannot be known"):  # values that differ need content
+        sweep_runs.do(sweep_runs.plain(), over, key="a", **given)
 
 
 def test_another_build_has_other_keys(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

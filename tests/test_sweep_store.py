@@ -7,9 +7,11 @@ from __future__ import annotations
 import errno
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,9 @@ import xarray
 from sweep_runs import MEASURE, TIMES, do, plain, same, under_function
 
 import beltdyn as bd
-from beltdyn.sweeping import SweepInterrupted, content, store
+from beltdyn.many import store
+from beltdyn.many.store import Kept, Store
+from beltdyn.sweeping import SweepInterrupted, content
 from beltdyn.sweeping.outcomes import Axis, Layout, Outcome, Quantity
 
 N = 60
@@ -40,7 +44,7 @@ SCRIPT = (
     + """
 import signal
 import sweep_runs, test_sweep_store as of
-from beltdyn.sweeping import SweepInterrupted, store
+from beltdyn.sweeping import SweepInterrupted
 sweep_runs.go_on_slowly(sys.argv[1], 2)
 def go(executor):
     try:
@@ -72,9 +76,9 @@ def expected() -> Any:
 def keys(folder: Path) -> list[str]:
     """All keys in the parts, which must be complete; not those that were being written."""
     found: list[str] = []
-    for part in folder.glob("part-*.nc"):
-        with xarray.open_dataset(part) as dataset:
-            found += [str(one) for one in dataset["key"].values]
+    for part in folder.glob("part-*.sqlite"):
+        with closing(sqlite3.connect(part)) as db:
+            found += [key for (key,) in db.execute("SELECT key FROM runs")]
     return found
 
 
@@ -99,13 +103,13 @@ def test_what_an_interrupted_sweep_leaves_is_gone_on_with(
 
     def tend(self: Any) -> None:
         self.flush()
-        if len(list(tmp_path.glob("part-*.nc"))) == 2:
-            (whole, *_) = tmp_path.glob("part-*.nc")
+        if len(list(tmp_path.glob("part-*.sqlite"))) == 2:
+            (whole, *_) = tmp_path.glob("part-*.sqlite")
             (tmp_path / f".{whole.name}.half").write_bytes(whole.read_bytes()[:1000])
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patch, pytest.raises(SweepInterrupted) as caught:
-        patch.setattr(store.Store, "tend", tend)
+        patch.setattr(Store, "tend", tend)
         sweep(tmp_path, "threads")
     status = list(caught.value.dataset["status"].values.ravel())
     assert status.count("finished") == len(keys(tmp_path))
@@ -120,7 +124,7 @@ def start(folder: Path, executor: str) -> subprocess.Popen[str]:
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     assert process.stdout and process.stdout.readline() == "begun\n", process.communicate()
-    while process.poll() is None and len(list(folder.glob("part-*.nc"))) < 2:
+    while process.poll() is None and len(list(folder.glob("part-*.sqlite"))) < 2:
         time.sleep(0.01)
     return process
 
@@ -200,7 +204,7 @@ def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.Monkey
     assert counts(t_eval=np.array(TIMES)) == (2, 0)
     assert counts(measure=["stats.steps"]) == (0, 2)
     assert counts(last=0.3) == (0, 2)
-    assert counts(version="of mine") == (0, 2)
+    assert counts(key="of mine") == (0, 2)
     assert counts(scene=plain(1.9e-3), t_eval=[1e-3, 1.9e-3]) == (0, 2)
     # chains go on where they were
     assert counts(warm="torque.scale") == (0, 2)
@@ -267,41 +271,39 @@ def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
         do(plain(), over, MEASURE, store=tmp_path)
     folder = tmp_path / "store"
     do(plain(), over, MEASURE, store=folder)
-    (part,) = folder.glob("part-*.nc")
+    (part,) = folder.glob("part-*.sqlite")
     part.write_bytes(part.read_bytes()[:2000])
     with pytest.raises(ValueError, match=rf"{part.name} cannot be read.*remove it"):
         do(plain(), over, MEASURE, store=folder)
-    one, other = store.Store(tmp_path / "both"), store.Store(tmp_path / "both")
-    outcome = Outcome(status="finished", kernels="x")
+    one, other = Store(tmp_path / "both"), Store(tmp_path / "both")
     for k in range(3):
-        one.add(f"one {k}", outcome)
-        other.add(f"other {k}", attrs.evolve(outcome, message=str(k)))
+        one.add(f"one {k}", Kept("x"))
+        other.add(f"other {k}", Kept(str(k), b"%d" % k, "common"))
     one.flush(), other.flush()
     found = one.find([*(f"one {k}" for k in range(3)), "other 2", "none"])
     assert sorted(found) == ["one 0", "one 1", "one 2", "other 2"]
-    assert found["other 2"].message == "2"
+    assert found["other 2"] == Kept("2", b"2", "common")
 
     # A part is there when it is whole
-    class Half:
-        def to_netcdf(self, path: Any, **_options: Any) -> None:
-            Path(path).write_bytes(b"half of it")
-            raise KeyboardInterrupt
+    def half(path: Path, _runs: Any) -> None:
+        path.write_bytes(b"half of it")
+        raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(store.Store, "_dataset", lambda *_: Half())
-        one.add("cut off", outcome)
+        patch.setattr(store, "_write", half)
+        one.add("cut off", Kept("x"))
         one.flush()
-    assert store.Store(tmp_path / "both").find(["cut off"]) == {}
+    assert Store(tmp_path / "both").find(["cut off"]) == {}
     one.flush()
     assert set(one.find(["cut off"])) == {"cut off"}
 
 
 def test_a_changed_bit_is_found(tmp_path: Path) -> None:
-    """In numbers, states, texts and in what netCDF keeps of them: nothing wrong is given, and the
+    """In numbers, states, texts and in what SQLite keeps of them: nothing wrong is given, and the
     error names the part and what to do.
     """
     layout = Layout((Quantity("a", (Axis("pulley", ("x", "y"), 2),), "N", "tension"),))
-    kept = {
+    outcomes = {
         f"key {k}": Outcome(
             status="finished",
             message="as it ended",
@@ -311,69 +313,60 @@ def test_a_changed_bit_is_found(tmp_path: Path) -> None:
         )
         for k in range(3)
     }
-    one = store.Store(tmp_path)
-    for key, outcome in kept.items():
-        one.add(key, outcome)
+    kept = {key: outcome.as_kept() for key, outcome in outcomes.items()}
+    for key, outcome in outcomes.items():
+        again = attrs.asdict(Outcome.of_kept(kept[key]), recurse=False)
+        np.testing.assert_equal(again, attrs.asdict(outcome, recurse=False))
+    one = Store(tmp_path)
+    for key, each in kept.items():
+        one.add(key, each)
     one.flush()
-    (part,) = tmp_path.glob("part-*.nc")
+    (part,) = tmp_path.glob("part-*.sqlite")
     whole = part.read_bytes()
-
-    def fields(outcomes: dict[str, Outcome]) -> dict[str, Any]:
-        return {key: attrs.asdict(each, recurse=False) for key, each in outcomes.items()}
 
     def change(at: int) -> str:
         """Change a bit; return what is said, or nothing of what makes no difference."""
         content = bytearray(whole)
         content[at] ^= 4
-        part.unlink()  # HDF may have kept the last one open
         part.write_bytes(content)
         try:
             found = one.find(kept)
         except ValueError as error:
             return str(error)
-        assert found.keys() <= kept.keys()
-        np.testing.assert_equal(fields(found), fields({key: kept[key] for key in found}))
+        assert found.items() <= kept.items()
         return ""
 
     for value in (np.array([0.1, 1.2]).tobytes(), np.array([1.3]).tobytes(), b"as it ended"):
         said = change(whole.index(value) + 1)
         assert part.name in said and "checksum" in said and "remove it, and its runs" in said
-    # in what HDF keeps of the file: marks of its parts, and what lies between
-    marks = [at for mark in (b"GCOL", b"OHDR", b"FRHP") if (at := whole.find(mark)) >= 0]
-    said = [change(at) for at in (*marks, *range(0, 4000, 89))]
-    assert any("HDF error" in one for one in said)
+    # in what SQLite keeps of the file: its head, the tables, and what lies between
+    said = [change(at) for at in (*range(200), *range(200, len(whole), 89))]
+    assert any("malformed" in one for one in said) and any("not a database" in one for one in said)
     assert all(part.name in one for one in said if one)
     part.unlink()
     assert one.find(kept) == {}
 
 
-@pytest.mark.parametrize(
-    "error",
-    [
-        OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)),
-        RuntimeError("NetCDF: HDF error"),
-        PermissionError(errno.EACCES, os.strerror(errno.EACCES)),
-    ],
-)
+@pytest.mark.parametrize("small", [True, False])
 def test_a_full_disk_is_named_with_the_file(
-    error: Exception, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As the system says it, and as the library of netCDF does. What was kept before is found."""
+    """As the system says it, and as SQLite does. What was kept before is found."""
     do(plain(), {"torque.scale": [1.0]}, MEASURE, store=tmp_path)
     before = keys(tmp_path)
     both = {"torque.scale": [1.0, 0.5]}
 
-    def full(_self: Any, path: Path, **_options: Any) -> None:
-        path.write_bytes(b"half of it")
-        if path.parent == tmp_path:
-            raise error
+    def full(_path: Path, _runs: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch, pytest.raises(OSError, match="make room") as caught:
-        patch.setattr(xarray.Dataset, "to_netcdf", full)
+        if small:
+            patch.setattr(store, "_TABLES", "PRAGMA max_page_count = 2;" + store._TABLES)
+        else:
+            patch.setattr(store, "_write", full)
         do(plain(), both, MEASURE, store=tmp_path)
-    assert caught.value.errno in (errno.ENOSPC, errno.EIO)
+    assert caught.value.errno == errno.ENOSPC
     assert Path(caught.value.filename).parent == tmp_path
     assert "no file was left there" in str(caught.value) and keys(tmp_path) == before
-    assert "ermission" not in str(caught.value)
     swept = do(plain(), both, MEASURE, store=tmp_path)
     assert (swept.stored, swept.computed) == (1, 1)

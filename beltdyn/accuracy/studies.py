@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import os
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import attrs
@@ -17,13 +19,13 @@ from ..drive.scene import Scene
 from ..loads.motions import in_core
 from ..loads.torques import Torque
 from ..many.pools import Pool, as_pool
+from ..many.store import Kept, Store
 from ..result.errors import SimulationError
 from ..run.progress import counted
 from ..run.simulation import settle, simulate
 from ..verification.quantities import QUANTITIES, Observed, differences, with_links
 from ..verification.runs import Runs, whole_scene
 from ..verification.settings import METHODS, RTOLS, Setting, fewest, meshes
-from .records import Records, key_of
 from .study_rows import Row
 from .study_table import Study
 
@@ -88,7 +90,7 @@ def study(
         workers: Runs at a time; None: one for each processor, or one alone if torque or motion are
             functions, which may not be safe in several threads. The CPU time is that of the thread
             of a run, the least of up to three repeats.
-        store: A file of JSON lines to keep the runs in; those found there, of the same scene and
+        store: A folder to keep the runs in (SQLite files); those found there, of the same scene and
             version of beltdyn, are not repeated. Needs a scene that TOML can hold.
         progress: Whether to show a progress bar on stderr (needs ``rich``).
 
@@ -109,8 +111,8 @@ def study(
         finest=2 * ladder[-1] if finest is None else integer("finest", finest, ladder[-1] + 1),
         limit=positive("limit", limit, "s"),
         runs=Runs(scene, simulate, settle, last=last),
-        records=Records(store),
-        identity=None if store is None else _identity(scene, last),
+        store=None if store is None else Store(store),
+        identity=[] if store is None else _identity(scene, last),
     )
     if workers is None and not _in_core(scene):
         workers = 1
@@ -188,8 +190,8 @@ class _Job:
     finest: int
     limit: float
     runs: Runs
-    records: Records
-    identity: list[Any] | None
+    store: Store | None
+    identity: list[Any]
     _count: int = 0
     _lock: threading.Lock = attrs.field(factory=threading.Lock)
 
@@ -230,13 +232,11 @@ class _Job:
         return self._references(_TIGHT[:2])
 
     def _reference(self, setting: Setting, report: Callable[[int, object], None]) -> Observed:
-        key = key_of(self.identity, "reference", attrs.astuple(setting))
-        record = self.records.get(key, ("observed",))
-        if record is None:
+        def observed() -> dict[str, Any]:
             report(0, setting)
-            seen = self.runs(setting).seen
-            record = {"observed": _as_lists(seen)}
-            self.records.add(key, record)
+            return {"observed": _as_lists(self.runs(setting).seen)}
+
+        record = self._once(["reference", attrs.astuple(setting)], ("observed",), observed)
         report(1, setting)
         return _from_lists(record["observed"])
 
@@ -268,12 +268,29 @@ class _Job:
     ) -> Row:
         own, fine = references[setting.n_bodies], references[self.finest]
         against = [attrs.astuple(one) for one, _ in (*own, *fine)]
-        key = key_of(self.identity, attrs.astuple(setting), against)
-        record = self.records.get(key, _MEASURED)
-        if record is None:
-            record = self._measure(setting, own, fine[0][1])
-            self.records.add(key, record)
+        record = self._once(
+            [attrs.astuple(setting), against],
+            _MEASURED,
+            lambda: self._measure(setting, own, fine[0][1]),
+        )
         return Row(setting=setting, **record)
+
+    def _once(
+        self, what: list[Any], fields: Collection[str], make: Callable[[], dict[str, Any]]
+    ) -> dict[str, Any]:
+        """Return the record of a run with these fields, from the store if it is there."""
+        if self.store is None:
+            return make()
+        inputs = json.dumps([*self.identity, *what], sort_keys=True)
+        key = hashlib.sha256(inputs.encode()).hexdigest()[:32]
+        for kept in self.store.find([key]).values():
+            found: dict[str, Any] = json.loads(kept.text)
+            if set(found) == set(fields):
+                return found
+        record = make()
+        self.store.add(key, Kept(json.dumps(record)))
+        self.store.flush()
+        return record
 
     def _measure(
         self, setting: Setting, own: list[tuple[Setting, Observed]], fine: Observed

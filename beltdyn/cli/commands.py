@@ -371,7 +371,7 @@ def _check_checkpoint(
 @click.option(
     "--store",
     type=click.Path(path_type=Path),
-    help="Keep runs here (JSON lines); those there are not repeated.",
+    help="Folder that keeps runs; those there are not repeated.",
 )
 @click.option(
     "--quick", is_flag=True, help="Fewer meshes and tolerances, the beginning of long runs."

@@ -44,7 +44,7 @@ class Contents:
         options: Options of ``simulate``, common to all runs.
         names: Names of the values that differ.
         measured: Text of the measured quantities.
-        version: The user's own, for what no key can see.
+        key: The user's own name of what functions do.
 
     Raises:
         NoKeyError: A function among them has no content that can be known.
@@ -56,8 +56,9 @@ class Contents:
         options: Mapping[str, Any],
         names: Sequence[str],
         measured: str,
-        version: str,
+        key: str,
     ) -> None:
+        self._of_functions = key
         self._pulleys = scene.params.pulley_names
         self._places = [_places(scene, name) for name in names]
         defaults = inspect.signature(simulate).parameters
@@ -71,9 +72,10 @@ class Contents:
         ]
         roots = [root for places, factor in self._places if not factor for root in places]
         roots += [_OTHER[root] for root in roots if root in _OTHER]
+        self._of_functions = ""  # functions that are swept must differ by their content
         #: What no run changes, and what those change that have a value there.
         self._base = _sum(leaf for leaf in leaves if not _within(leaf[0], roots))
-        self._head = f"{_FORMAT} {_core.__version__} {_build()} {measured} {version!r}"
+        self._head = f"{_FORMAT} {_core.__version__} {_build()} {measured} {key!r}"
         if any(_within(a, [b]) for k, a in enumerate(roots) for b in roots[:k] + roots[k + 1 :]):
             self._head += f" in the order {list(names)}"  # one is put into the other
 
@@ -118,7 +120,7 @@ class Contents:
         ):
             yield from self._row(name, node)
         else:
-            yield name, token(node)
+            yield name, token(node, self._of_functions)
 
     def _row(self, name: str, node: Any) -> Iterator[Leaf]:
         values = node.tolist() if isinstance(node, np.ndarray) else node

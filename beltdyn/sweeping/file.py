@@ -43,7 +43,7 @@ from .sampling import sample
 
 __all__ = ["SweepFile", "read"]
 
-_FIELDS = ("scene", "measure", "last", "combine", "warm", "over", "sample", "options", "version")
+_FIELDS = ("scene", "measure", "last", "combine", "warm", "over", "sample", "options", "key")
 #: Distributions by name, and their classes in scipy.stats with what their two numbers are.
 _DISTRIBUTIONS = {
     "uniform": "low and high",
@@ -100,7 +100,7 @@ def _built(document: dict[str, Any], folder: Path) -> SweepFile:
         raise ValueError(f"measure: must be names or a table of names, got {shown(measure)}")
     options = dict(_table("options", document.get("options", {})))
     arguments: dict[str, Any] = {
-        name: document[name] for name in ("last", "combine", "warm", "version") if name in document
+        name: document[name] for name in ("last", "combine", "warm", "key") if name in document
     }
     clash = set(options) & (set(_FIELDS) | {"executor", "store", "progress"})
     if clash:

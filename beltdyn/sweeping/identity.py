@@ -1,46 +1,49 @@
 """Texts that identify Python values and functions by their content, in any process.
 
-A function is known by its code, its defaults, what it encloses, and what it uses of its globals and
-of what it imports, of the user's modules as deep as they go; of installed packages by name and
-version. Two functions with the same text do the same unless they read files or clocks, change what
-they use, or look names up by a text (``getattr``).
+A function is known by its code, its defaults, what it encloses and what it uses of its globals, of
+the user's modules as deep as they go; of installed packages by name and version. Two functions with
+the same text do the same unless they read files or clocks, change what they use, or look names up
+by a text (``getattr``). Of a function that imports the user's own modules when it is called, and of
+a compiled one, this cannot be known; the user may name what it does by a key.
 """
 
 from __future__ import annotations
 
 import copyreg
-import dis
 import functools
 import hashlib
 import sys
 import sysconfig
 import types
-from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from importlib.util import find_spec
+from opcode import opmap
+from typing import Any
 
 import numpy as np
 
 __all__ = ["NoKeyError", "token"]
 
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis), range, slice)
-#: Instructions that look up a global name, and those that look up a name in what they found.
-_GLOBALS, _INSIDE = ("LOAD_GLOBAL", "LOAD_NAME"), ("LOAD_ATTR", "LOAD_METHOD", "IMPORT_FROM")
 #: What imports a module by a text, which only a call would tell.
-_BY_TEXT = frozenset(("__import__", "import_module"))
+_BY_TEXT = ("__import__", "import_module")
 
 
 class NoKeyError(ValueError):
     """The content of an object cannot be known, as of a compiled function."""
 
 
-def token(value: Any) -> str:
+def token(value: Any, key: str = "") -> str:
     """Return a short text that is the same for the same content, and for nothing else.
 
+    ``key`` stands for the content of functions and objects of which it cannot be known.
+
     Raises:
-        NoKeyError: The content cannot be known.
+        NoKeyError: The content cannot be known, and there is no key.
     """
     try:
-        text = _Walk().text(value)
+        text = _Walk(key).text(value)
     except RecursionError:
         raise NoKeyError(f"{value!r:.60} is nested too deeply") from None
     return _short(text)
@@ -53,7 +56,8 @@ def _short(text: str) -> str:
 class _Walk:
     """A traversal of a value; objects that hold themselves are named by their depth."""
 
-    def __init__(self) -> None:
+    def __init__(self, key: str) -> None:
+        self._key = key
         #: What the way has gone into, and where.
         self._depth: dict[int, int] = {}
         #: Texts of what it has been through; held with it, so that its id stays its own.
@@ -78,6 +82,10 @@ class _Walk:
         outside, self._least = self._least, sys.maxsize
         try:
             found = _short(content())
+        except NoKeyError:
+            if not self._key:
+                raise
+            found = f"{_named(type(value))} {getattr(value, '__qualname__', '')} {self._key!r}"
         finally:
             del self._depth[id(value)]
         if self._least >= depth:  # it names nothing that holds it: the same wherever it is met
@@ -98,9 +106,9 @@ class _Walk:
         if type(value) in (list, tuple):
             return f"{type(value).__name__} {self._all(value)}"
         if type(value) in (set, frozenset):  # their order changes from process to process
-            return f"{type(value).__name__} {sorted(_Walk().text(one) for one in value)}"
+            return f"{type(value).__name__} {sorted(_Walk(self._key).text(one) for one in value)}"
         if type(value) in (dict, types.MappingProxyType):
-            keys = sorted(value, key=lambda key: _Walk().text(key))
+            keys = sorted(value, key=lambda key: _Walk(self._key).text(key))
             return f"dict {self._all(keys)} {self._all(value[key] for key in keys)}"
         if isinstance(value, types.FunctionType):
             return self._function(value)
@@ -143,17 +151,12 @@ class _Walk:
 
     def _used(self, code: types.CodeType, known: dict[str, Any]) -> str:
         """Return the globals that a function uses, and its uses of the user's modules."""
-        names, inside, imports = _names(code)
-        if not _BY_TEXT.isdisjoint((*names, *inside)):
-            raise NoKeyError(
-                f"what {code.co_qualname} imports cannot be known: it does so by a text, not by "
-                "an import statement"
-            )
-        found = {name: known[name] for name in names if name in known}
-        found |= {
-            f"import {'.' * one.level}{one.name}": _imported(one, code, known) for one in imports
-        }
-        return "; ".join(self._use(name, value, inside) for name, value in sorted(found.items()))
+        names = set[str]()
+        for part in _parts(code):
+            names |= {*part.co_names}
+            _check_imports(part, known)
+        found = sorted(name for name in names if name in known)
+        return "; ".join(self._use(name, known[name], sorted(names)) for name in found)
 
     def _use(self, name: str, value: Any, inside: Iterable[str]) -> str:
         if not isinstance(value, types.ModuleType) or not _is_users(value.__name__):
@@ -230,54 +233,37 @@ def _is_slot(value: Any) -> bool:
     return isinstance(value, (types.MemberDescriptorType, types.GetSetDescriptorType))
 
 
-class _Import(NamedTuple):
-    """An import statement within a function: ``from <level dots><name> import <wanted>``."""
-
-    name: str
-    level: int
-    wanted: tuple[str, ...]
-
-
-def _imported(one: _Import, code: types.CodeType, known: dict[str, Any]) -> Any:
-    """Return the module that a function imports when it is called."""
-    try:
-        module = __import__(one.name, known, None, one.wanted, one.level)
-    except ImportError:
-        return "not there"
-    except Exception as error:
-        raise NoKeyError(
-            f"{one.name}, which {code.co_qualname} imports, cannot be known: {error}"
-        ) from error
-    return module if one.wanted else sys.modules[one.name]
-
-
-@functools.lru_cache(maxsize=1024)
-def _names(
-    code: types.CodeType,
-) -> tuple[tuple[str, ...], tuple[str, ...], tuple[_Import, ...]]:
-    """Return the globals, attributes and imports named in a function and those within it."""
-    names: set[str] = set()
-    inside: set[str] = set()
-    imports: set[_Import] = set()
-    level: Any = 0
-    wanted: Any = None  # before an import stand its level and the names it asks for
-    for one in dis.get_instructions(code):
-        if one.opname == "EXTENDED_ARG":
-            continue
-        if one.opname in _GLOBALS:
-            names.add(one.argval)
-        elif one.opname in _INSIDE:
-            inside.add(one.argval)
-        elif one.opname == "IMPORT_NAME":
-            imports.add(_Import(one.argval, level, wanted or ()))
-        level, wanted = wanted, one.argval
+def _parts(code: types.CodeType) -> Iterator[types.CodeType]:
+    """Yield the code of a function and of those within it."""
+    yield code
     for constant in code.co_consts:
         if isinstance(constant, types.CodeType):
-            within = _names(constant)
-            names.update(within[0])
-            inside.update(within[1])
-            imports.update(within[2])
-    return tuple(sorted(names)), tuple(sorted(inside)), tuple(sorted(imports))
+            yield from _parts(constant)
+
+
+def _check_imports(code: types.CodeType, known: dict[str, Any]) -> None:
+    """Refuse what imports the user's modules when it is called, or any by a text."""
+    imports = opmap["IMPORT_NAME"] in code.co_code[::2]
+    package = known.get("__package__")
+    for name in code.co_names:
+        if name in _BY_TEXT or (imports and name not in known and _is_users_module(name, package)):
+            raise NoKeyError(
+                f"what {code.co_qualname} does cannot be known, as it imports a module when it is "
+                "called: import yours outside of functions"
+            )
+
+
+def _is_users_module(name: str, package: str | None) -> bool:
+    """Whether a name that a function uses may be that of a module of the user's own."""
+    if not name:  # from . import
+        return True
+    for one in (name, f"{package}.{name}") if package else (name,):
+        spec = None
+        with suppress(ImportError, ValueError, AttributeError):
+            spec = find_spec(one)
+        if spec is not None and _is_users(one, spec.origin):
+            return True
+    return False
 
 
 def _named(kind: type) -> str:
@@ -293,15 +279,19 @@ def _origin(module: str) -> str:
 
 
 @functools.lru_cache(maxsize=256)
-def _is_users(module: str | None) -> bool:
-    """Whether a module is the user's own code: neither Python's nor an installed package's."""
-    if module is None or module == "__main__" or module not in sys.modules:
+def _is_users(module: str | None, file: str | None = None) -> bool:
+    """Whether a module is the user's own code: neither Python's nor an installed package's.
+
+    One that has not been imported is known by its file.
+    """
+    if module is None or module == "__main__" or (module not in sys.modules and file is None):
         return True
     if module.partition(".")[0] in (*sys.stdlib_module_names, __name__.partition(".")[0]):
         return False
-    found = sys.modules[module]
-    folders = iter(getattr(found, "__path__", ()))  # a package without a file of its own has these
-    file = getattr(found, "__file__", None) or next(folders, None)
+    if file is None:
+        found = sys.modules[module]
+        folders = iter(getattr(found, "__path__", ()))  # a package without a file of its own
+        file = getattr(found, "__file__", None) or next(folders, None)
     return file is not None and not any(
         file.startswith(sysconfig.get_path(place)) for place in ("purelib", "platlib")
     )

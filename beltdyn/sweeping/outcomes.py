@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array
+from ..many.store import Kept
 
 __all__ = ["NOTHING", "STATUSES", "Axis", "Layout", "Outcome", "Quantity", "in_text", "packed"]
 
@@ -114,6 +116,46 @@ class Outcome:
     kernels: str = ""
     reproducible: bool = True
     final: Array = attrs.field(factory=lambda: np.zeros(0))
+
+    @property
+    def lasting(self) -> bool:
+        """Whether a store may keep it: it ended by itself, and would do so again."""
+        return self.status in ("finished", "failed") and self.reproducible
+
+    def as_kept(self) -> Kept:
+        """Return it as a store keeps it."""
+        quantities = [
+            [one.name, [list(axis) for axis in one.axes], *one[2:]]
+            for one in self.layout.quantities
+        ]
+        return Kept(
+            text=json.dumps([*(getattr(self, name) for name in _TEXTS), *self.words]),
+            data=self.numbers.tobytes() + self.final.tobytes(),
+            common=json.dumps(quantities),
+        )
+
+    @classmethod
+    def of_kept(cls, kept: Kept) -> Outcome:
+        """Return what a store has kept."""
+        layout = Layout(
+            tuple(
+                Quantity(
+                    name, tuple(Axis(of, tuple(labels), *more) for of, labels, *more in axes), *rest
+                )
+                for name, axes, *rest in json.loads(kept.common)
+            )
+        )
+        texts, numbers = json.loads(kept.text), np.frombuffer(kept.data)
+        return cls(
+            layout=layout,
+            numbers=numbers[: layout.numbers],
+            words=tuple(texts[len(_TEXTS) :]),
+            final=numbers[layout.numbers :],
+            **dict(zip(_TEXTS, texts, strict=False)),
+        )
+
+
+_TEXTS = ("status", "message", "warnings", "kernels")
 
 
 def in_text(value: Any) -> str:

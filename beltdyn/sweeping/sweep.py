@@ -18,6 +18,7 @@ from ..drive.scene import Scene
 from ..loads.motions import as_motions, in_core
 from ..loads.torques import Torque, as_terms
 from ..many.pools import Pool, as_pool
+from ..many.store import Store
 from ..run.progress import counted
 from .content import Contents
 from .dataset import Table
@@ -27,7 +28,6 @@ from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
 from .outcomes import Outcome, in_text
 from .points import RUN, Points, as_json, as_points
-from .store import Store
 from .work import Job
 
 __all__ = ["SweepInterrupted", "Swept", "run_sweep", "sweep"]
@@ -76,7 +76,7 @@ def sweep(
     warm: str | None = None,
     last: float = 0.2,
     progress: bool = True,
-    version: str = "",
+    key: str = "",
     **options: Any,
 ) -> Any:
     """Run a scene many times, with numbers of the drive, loads or options changed.
@@ -127,17 +127,20 @@ def sweep(
             by the same rule; "threads" or "processes"; any ``concurrent.futures.Executor``, or the
             ``Client`` of a Dask cluster. A run in which worker processes die several times is given
             up, with the status "lost".
-        store: A folder that keeps all outcomes as the sweep goes (netCDF files). A sweep that was
+        store: A folder that keeps all outcomes as the sweep goes (SQLite files). A sweep that was
             killed, or that has got more points, computes only what is missing in it. Runs are known
             by their content and the build of this package, not by the sweep they are from; Python
-            functions by their code and that of yours which they use or import. Not seen: the
-            contents of files that they read; give another ``version`` then. Files have checksums.
+            functions by their code, what it encloses, and that of yours which they use. Not seen:
+            the contents of files that they read, modules of yours that they import when they are
+            called, compiled functions: give a ``key``. Files have checksums.
         warm: A name that is swept, in a grid: each run starts from the end of the run with the
             value of this name before, at t = 0, and not from rest (unless that one failed). For
             steady states that change slowly along it.
         last: The part of each run, counted from its end, that reports, means and extremes are of.
         progress: Whether to show progress on stderr (on terminals; needs ``rich``).
-        version: Any value, to distinguish runs in the store that look alike.
+        key: A name of your own for what the functions of the scene and ``measure`` do: it is part
+            of the keys of runs in the store, and stands for functions whose content cannot be
+            known. Another one distinguishes runs that look alike.
         **options: ``t_end``, in place of that of the scene, and arguments of
             :func:`beltdyn.simulate` for all runs, such as ``t_eval``, ``method``, ``rtol``; not
             ``outputs``, which follow from ``measure``.
@@ -168,7 +171,7 @@ def sweep(
         warm=warm,
         last=last,
         progress=progress,
-        version=version,
+        key=key,
         **options,
     ).dataset
 
@@ -184,7 +187,7 @@ def run_sweep(
     warm: str | None = None,
     last: float = 0.2,
     progress: bool = True,
-    version: str = "",
+    key: str = "",
     **options: Any,
 ) -> Swept:
     """Do a sweep, as :func:`sweep`, and return its cost, too."""
@@ -199,13 +202,13 @@ def run_sweep(
     taken = {*points.names, RUN, "status", "message", "warnings"} & what.names
     if taken:
         raise ValueError(f"measure: {min(taken)!r} is the name of something else in the result")
-    if not isinstance(version, str):
-        raise TypeError(f"version must be a str, got {type(version).__name__}")
+    if not isinstance(key, str):
+        raise TypeError(f"key must be a str, got {type(key).__name__}")
     job = Job(
         scene=base, options=options, names=points.names, measure=what, chained=warm is not None
     )
     runs = _Runs(job, points, _chains(points, warm), Table(points, described))
-    keys = [] if store is None else runs.keys(version)
+    keys = [] if store is None else runs.keys(key)
     shown = flag("progress", progress)
     try:
         return runs.all(executor, store, keys, shown)
@@ -221,7 +224,7 @@ class _Runs:
         self._job, self._points, self._after, self._table = job, points, after, table
         self.done = 0
 
-    def keys(self, version: str) -> list[str]:
+    def keys(self, key: str) -> list[str]:
         """Return the key of each run in a store.
 
         Raises:
@@ -230,16 +233,16 @@ class _Runs:
         job, points = self._job, self._points
         try:
             # runs that others start from are kept with the states at their ends
-            what = token(job.measure) + (" chained" if max(self._after) >= 0 else "")
-            contents = Contents(job.scene, job.options, points.names, what, version)
+            what = token(job.measure, key) + (" chained" if max(self._after) >= 0 else "")
+            contents = Contents(job.scene, job.options, points.names, what, key)
             keys: list[str] = []
             for run, row in enumerate(points.rows):
                 before = keys[self._after[run]] if self._after[run] >= 0 else ""
                 keys.append(contents.key(row, before))
         except NoKeyError as error:
             raise ValueError(
-                f"store: runs are known by their content, and {error}; leave store out, or use "
-                "torque objects or Python functions"
+                f"store: runs are known by their content, and {error}; leave store out, or give "
+                "key= for what the functions of the scene and measure do"
             ) from None
         return keys
 
@@ -271,8 +274,8 @@ class _Runs:
 
                 def take(run: int, outcome: Outcome) -> None:
                     self._take(run, outcome)
-                    if kept is not None:
-                        kept.add(keys[run], outcome)
+                    if kept is not None and outcome.lasting:
+                        kept.add(keys[run], outcome.as_kept())
                     bad = self.done - self._table.count("finished")
                     show(self.done, count, f"{bad} without result" if bad else "")
 
@@ -308,7 +311,7 @@ class _Runs:
 
     def _found(self, kept: Store, keys: list[str]) -> dict[int, Outcome]:
         found = kept.find(keys)
-        known = {run: found[key] for run, key in enumerate(keys) if key in found}
+        known = {run: Outcome.of_kept(found[key]) for run, key in enumerate(keys) if key in found}
         for run, outcome in known.items():
             self._take(run, outcome)
         return known
