@@ -47,7 +47,6 @@ MOVED = {
     "explaining.window": "explaining.run_length",
     "hard": "scenes.hard_scenes",
     "identification.report": "identification.findings",
-    "kubas.rows": "kubas.paper_numbers",
     "plot.accuracy": "accuracy.price",
     "plot.figures": "plot.panels",
     "plot.friction": "plot.contact",
@@ -70,6 +69,8 @@ class _Moved(MetaPathFinder):
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> None:
         package, _, name = fullname.partition(".")
+        if package == __package__ and name.partition(".")[0] == "kubas":
+            raise ImportError(f"{fullname} has moved to beltdyn_kubas", name=fullname)
         if package == __package__ and name in MOVED:
             raise ImportError(
                 f"{fullname} has moved to {package}.{MOVED[name]}; what is public is imported "

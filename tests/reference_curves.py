@@ -28,11 +28,11 @@ from typing import Any
 import attrs
 import numpy as np
 import stored_runs
+from beltdyn_kubas import LINKS
 from bridge import fields, oracle_of
 from numpy.typing import NDArray
 
 import beltdyn as bd
-from beltdyn.kubas import LINKS
 
 Array = NDArray[np.float64]
 Floor = dict[str, tuple[float, float]]

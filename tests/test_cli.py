@@ -14,13 +14,14 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
+import beltdyn_kubas as kubas
 import drives
 import pytest
 from click.testing import CliRunner, Result
 from matplotlib.figure import Figure
 
 import beltdyn as bd
-from beltdyn import cli, kubas
+from beltdyn import cli
 from beltdyn.cli import commands
 
 RUN = ("run", "kubas-case-1")
@@ -285,7 +286,7 @@ def test_a_scene_that_cannot_be_settled_fails(tmp_path: Path) -> None:
 @pytest.fixture
 def one_figure(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave Fig. 12 alone, of runs that are made once."""
-    from beltdyn.kubas import figures
+    from beltdyn_kubas import figures
 
     monkeypatch.setattr(figures, "FIGURES", {12: figures.FIGURES[12]})
     monkeypatch.setattr(kubas, "runs", cache(kubas.runs))

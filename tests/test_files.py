@@ -227,7 +227,7 @@ def test_a_read_only_file_system(
     with pytest.raises(OSError, match="Read-only file system; the file there is unchanged"):
         result.save(tmp_path / "run.npz")
     monkeypatch.setattr(commands, "simulate", never)
-    monkeypatch.setattr("beltdyn.kubas.runs", never)
+    monkeypatch.setattr("beltdyn_kubas.runs", never)
     for option, name in (("--out", "run.npz"), ("--plot", "a.png"), ("--animate", "a.gif")):
         said = f"beltdyn: cannot write {tmp_path / name}: Read-only file system\n"
         assert called(*CALL, option, tmp_path / name) == (2, said)

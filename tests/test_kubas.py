@@ -6,12 +6,12 @@ import math
 from typing import Any
 
 import attrs
+import beltdyn_kubas as kubas
 import numpy as np
 import pytest
+from beltdyn_kubas import paper_numbers as rows
 
 import beltdyn as bd
-from beltdyn import kubas
-from beltdyn.kubas import paper_numbers as rows
 
 T = np.linspace(0.0, 1.0, 2001)
 DT = T[1]

@@ -2,7 +2,7 @@
 
 The paper prints no stiffness, mass, damping or friction value; those of the scenes are identified
 from the numbers it does print. What each number is, how it is read off a run and how near it must
-come is in ``beltdyn.kubas.paper_numbers``, fixed before any parameter was searched for.
+come is in ``beltdyn_kubas.paper_numbers``, fixed before any parameter was searched for.
 
     python -m pytest tests/test_paper.py -s
 """
@@ -13,19 +13,19 @@ import functools
 from collections.abc import Callable
 
 import attrs
+import beltdyn_kubas as kubas
 import matplotlib
 import numpy as np
 import pytest
+from beltdyn_kubas import figures
+from beltdyn_kubas import paper_numbers as rows
+from beltdyn_kubas.marks import INK
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 from tiers import first
 
 import beltdyn as bd
-from beltdyn import kubas
-from beltdyn.kubas import figures
-from beltdyn.kubas import paper_numbers as rows
-from beltdyn.kubas.marks import INK
 
 TWO_PI = 2.0 * np.pi
 PAPER = rows.paper_values()

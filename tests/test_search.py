@@ -9,12 +9,14 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
+from beltdyn_kubas import LINKS, QUANTITIES, search
+from beltdyn_kubas.paper_numbers import demands, misfit, residuals
 from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn.identification.free import resolve
-from beltdyn.kubas import LINKS, QUANTITIES, search
-from beltdyn.kubas.paper_numbers import demands, misfit, residuals
+
+pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
 DEMANDED = [q.name for q in QUANTITIES if q.demanded]
 

@@ -73,12 +73,12 @@ def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
 def _write_figures(
     folder: Path, kinds: list[str], size: str, quiet: bool, written: list[Path]
 ) -> tuple[str, list[RunWarning]]:
-    from .. import kubas
-    from ..kubas.figures import FIGURES
+    import beltdyn_kubas
+    from beltdyn_kubas.figures import FIGURES
 
     with silenced():
-        runs = kubas.runs(progress=not quiet)
-    comparison = str(kubas.compare(runs))
+        runs = beltdyn_kubas.runs(progress=not quiet)
+    comparison = str(beltdyn_kubas.compare(runs))
     folder.mkdir(exist_ok=True)
 
     def write(name: str, content: bytes) -> None:

@@ -6,10 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .. import scenes
-from ..base.run_warnings import distinct, issue, silenced
-from ..result.result import Result
-from ..run.simulation import simulate
+import beltdyn as bd
+
 from .paper_numbers import Links
 
 __all__ = ["LINKS", "RAMP_END", "REVERSALS", "SOFT_SIGMA", "Runs", "runs"]
@@ -17,7 +15,7 @@ __all__ = ["LINKS", "RAMP_END", "REVERSALS", "SOFT_SIGMA", "Runs", "runs"]
 #: End of the ramp of the driving torque in case 1, its two reversals in case 2 [s].
 RAMP_END, REVERSALS = 0.3, (0.25, 0.75)
 
-#: Samples of a run, 0.5 ms apart: :func:`beltdyn.kubas.paper_numbers.read` needs 2 ms.
+#: Samples of a run, 0.5 ms apart: :func:`beltdyn_kubas.paper_numbers.read` needs 2 ms.
 _SAMPLES = 2001
 #: The smaller of the two values of sigma that the paper compares [1/m].
 SOFT_SIGMA = 5e3
@@ -34,9 +32,9 @@ class Runs(NamedTuple):
         case_2_soft: Case 2 with sigma = 5e3 1/m instead of 1e4.
     """
 
-    case_1: Result
-    case_2: Result
-    case_2_soft: Result
+    case_1: bd.Result
+    case_2: bd.Result
+    case_2_soft: bd.Result
 
 
 def runs(*, progress: bool = False) -> Runs:
@@ -48,18 +46,15 @@ def runs(*, progress: bool = False) -> Runs:
     Raises:
         SimulationError: A run cannot go on.
         Interrupted: Ctrl-C.
-        BeltdynWarning: Not raised but issued, each once for all three runs: the paper's 60 links.
+        BeltdynWarning: Not raised but issued: the paper's 60 links.
     """
 
-    def run(scene: scenes.Scene) -> Result:
+    def run(scene: bd.Scene) -> bd.Result:
         t_eval = np.linspace(0.0, scene.t_end, _SAMPLES)
-        return simulate(*scene, t_eval=t_eval, progress=progress)
+        return bd.simulate(*scene, t_eval=t_eval, progress=progress)
 
-    with silenced():
-        all_three = Runs(
-            run(scenes.kubas_case_1()),
-            run(scenes.kubas_case_2()),
-            run(scenes.kubas_case_2(sigma=SOFT_SIGMA)),
-        )
-    issue(distinct(run.warnings for run in all_three), stacklevel=2)
-    return all_three
+    return Runs(
+        run(bd.scenes.kubas_case_1()),
+        run(bd.scenes.kubas_case_2()),
+        run(bd.scenes.kubas_case_2(sigma=SOFT_SIGMA)),
+    )

@@ -3,12 +3,13 @@
 :data:`FIGURES` holds one function per figure, 5 to 19. Axes and units are the paper's. Signs are
 those of the package: counter-clockwise is positive, so the speeds of case 1 are negative, and a
 driving torque of -100 N m stands where the paper's text has -50. Elements are numbered from 1, as
-in the paper. A mark is as wide as the scale of its quantity in :data:`beltdyn.kubas.QUANTITIES`,
+in the paper. A mark is as wide as the scale of its quantity in :data:`beltdyn_kubas.QUANTITIES`,
 the deviation accepted or the precision to which the text can be read.
 """
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -19,20 +20,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..base.checks import one_of
-from ..plot import (
-    contact_forces,
-    drive,
-    force_along_belt,
-    friction_coefficient,
-    joint_deformation,
-    joint_force,
-    relative_velocity,
-    speeds,
-    torques,
-)
-from ..plot.style import COLOURS, new_figure
-from ..result.result import Result
+import beltdyn as bd
+
 from .cases import LINKS, RAMP_END, REVERSALS, Runs
 from .marks import BAND, INK, LINE, Marks, legend_entry, number
 from .paper_numbers import QUANTITIES, Links, dahl
@@ -48,7 +37,8 @@ _SNAPSHOT = 0.4
 _GREY = "0.45"
 #: For lines that oscillate too fast for dashes: a dark and a light colour, distinct in grey too.
 _DENSE = {"linestyle": "-", "linewidth": 0.7}
-_DARK_AND_LIGHT = (COLOURS[0], COLOURS[4])
+_BLUE, _RED, _ORANGE = "#0072B2", "#D55E00", "#E69F00"
+_DARK_AND_LIGHT = (_BLUE, _ORANGE)
 
 
 class Size(NamedTuple):
@@ -72,6 +62,15 @@ SIZES = {
     "notebook": Size((5.6, 3.9), 10.0, 1.2, 90.0),
     "print": Size((3.4, 2.7), 7.5, 0.8, 300.0),
 }
+
+
+class _Figure(Figure):
+    """A figure that a notebook shows without pyplot."""
+
+    def _repr_png_(self) -> bytes:
+        file = io.BytesIO()
+        self.savefig(file, format="png")
+        return file.getvalue()
 
 
 class _Panel(NamedTuple):
@@ -104,18 +103,21 @@ class PaperFigure:
         """Draw it.
 
         Args:
-            runs: The three runs, of :func:`beltdyn.kubas.runs`.
+            runs: The three runs, of :func:`beltdyn_kubas.runs`.
             links: The chosen elements.
             size: "notebook" or "print".
 
         Raises:
             ValueError: ``size`` is none of these.
         """
-        (width, height), font, line, dpi = SIZES[one_of("size", size, tuple(SIZES))]
+        if size not in SIZES:
+            raise ValueError(f"size must be one of {', '.join(SIZES)}, got {size!r}")
+        (width, height), font, line, dpi = SIZES[size]
         count = len(self.panels)
         # For the time of the drawing: sizes of text are fixed when it is made.
         with matplotlib.rc_context({"font.size": font, "axes.linewidth": 0.6}):
-            drawn = new_figure(count * width, self.taller * height, dpi)
+            figsize = (count * width, self.taller * height)
+            drawn = _Figure(figsize=figsize, dpi=dpi, layout="constrained")
             axes = drawn.subplots(1, count, squeeze=False)[0]
             for k, (ax, draw) in enumerate(zip(axes, self.panels, strict=True)):
                 panel = _Panel(ax, runs, links, Marks(ax), {"linewidth": line})
@@ -135,7 +137,7 @@ def figure(number: int, runs: Runs, *, links: Links = LINKS, size: str = "notebo
 
     Args:
         number: 5 to 19.
-        runs: The three runs, of :func:`beltdyn.kubas.runs`.
+        runs: The three runs, of :func:`beltdyn_kubas.runs`.
         links: The chosen elements.
         size: "notebook", or "print": panels as wide as the column of a two-column journal.
 
@@ -180,7 +182,7 @@ def _remove_legend(ax: Axes) -> None:
 # --- what the panels share -----------------------------------------------------------------------
 
 
-def _pulley_lines(draw: Callable[..., Axes], panel: _Panel, result: Result, **line: Any) -> None:
+def _pulley_lines(draw: Callable[..., Axes], panel: _Panel, result: bd.Result, **line: Any) -> None:
     for k, name in enumerate(("driving pulley", "driven pulley")):
         colour = {"color": _DARK_AND_LIGHT[k]} if line else {}
         draw(result, pulleys=k, ax=panel.ax, label=name, **(panel.line | line | colour))
@@ -199,11 +201,11 @@ def _at(name: str) -> float:
     return _Q[name].paper
 
 
-def _mu_k(result: Result) -> float:
+def _mu_k(result: bd.Result) -> float:
     return dahl(result).mu_k
 
 
-def _mark_mu_k(panel: _Panel, result: Result, *signs: int) -> None:
+def _mark_mu_k(panel: _Panel, result: bd.Result, *signs: int) -> None:
     for sign in signs:
         label = "$\\mu_k$" if sign > 0 else "$-\\mu_k$"
         panel.marks.level(sign * _mu_k(result), label=label)
@@ -228,7 +230,7 @@ def _drive(panel: _Panel) -> None:
     """Fig. 5."""
     ax, result, links = panel.ax, panel.runs.case_1, panel.links
     names = {f"case {case}: {_element(link)}": link for case, link in enumerate(links, start=1)}
-    drive(result, float(result.t[0]), colour=None, arcs=False, links=names, ax=ax)
+    bd.plot.drive(result, float(result.t[0]), colour=None, arcs=False, links=names, ax=ax)
     ax.set_title("")
     first, second = result.params.pulleys
     ends = {"arrowstyle": "<->", "color": INK, "lw": 0.9, "shrinkA": 0, "shrinkB": 0}
@@ -247,19 +249,19 @@ def _drive(panel: _Panel) -> None:
 
 def _torques_1(panel: _Panel) -> None:
     """Fig. 6."""
-    _pulley_lines(torques, panel, panel.runs.case_1)
+    _pulley_lines(bd.plot.torques, panel, panel.runs.case_1)
     _mark_text_torque(panel, (RAMP_END,), (-1,))
     panel.marks.level(_HEADING_TORQUE, label=f"{number(_HEADING_TORQUE)} in\nthe heading")
 
 
 def _speeds_1(panel: _Panel) -> None:
     """Fig. 7."""
-    _pulley_lines(speeds, panel, panel.runs.case_1)
+    _pulley_lines(bd.plot.speeds, panel, panel.runs.case_1)
     panel.marks.at(RAMP_END)
     omega = _Q["omega_1"]
     panel.marks.level(omega.paper, omega.scale, "$-2\\pi$", span=(RAMP_END, 1.0))
     close = panel.ax.inset_axes((0.42, 0.36, 0.56, 0.46))
-    _pulley_lines(speeds, panel._replace(ax=close), panel.runs.case_1)
+    _pulley_lines(bd.plot.speeds, panel._replace(ax=close), panel.runs.case_1)
     Marks(close).level(omega.paper, omega.scale)
     close.set(
         xlim=(RAMP_END, 1.0), ylim=(1.07 * omega.paper, 0.95 * omega.paper), xlabel="", ylabel=""
@@ -271,14 +273,16 @@ def _speeds_1(panel: _Panel) -> None:
 def _deformation(panel: _Panel) -> None:
     """Fig. 8a."""
     link = panel.links.case_1
-    joint_deformation(panel.runs.case_1, link, ax=panel.ax, label=_joint(link), **panel.line)
+    bd.plot.joint_deformation(
+        panel.runs.case_1, link, ax=panel.ax, label=_joint(link), **panel.line
+    )
     _mark_passage(panel)
 
 
 def _force_1(panel: _Panel) -> None:
     """Fig. 8b."""
     link = panel.links.case_1
-    joint_force(panel.runs.case_1, link, ax=panel.ax, label=_joint(link), **panel.line)
+    bd.plot.joint_force(panel.runs.case_1, link, ax=panel.ax, label=_joint(link), **panel.line)
     _mark_passage(panel)
 
 
@@ -291,7 +295,7 @@ def _mark_passage(panel: _Panel) -> None:
 def _along(panel: _Panel) -> None:
     """Fig. 9; joints and marks are half a number to the left of their elements."""
     result, marks = panel.runs.case_1, panel.marks
-    force_along_belt(
+    bd.plot.force_along_belt(
         result, _SNAPSHOT, first=1, wraps=False, ax=panel.ax, label="joint force", **panel.line
     )
     count = result.params.n_bodies
@@ -313,7 +317,7 @@ def _along(panel: _Panel) -> None:
 def _normal_1(panel: _Panel) -> None:
     """Fig. 10a."""
     link = panel.links.case_1
-    contact_forces(
+    bd.plot.contact_forces(
         panel.runs.case_1, link, which="normal", ax=panel.ax, label="normal force N", **panel.line
     )
     panel.ax.set_ylabel("normal force [N]")
@@ -334,8 +338,8 @@ def _friction_1(panel: _Panel) -> None:
         lw=panel.line["linewidth"],
         label="\N{MINUS SIGN}N" if sign < 0 else "N",
     )
-    look = panel.line | {"color": COLOURS[1], "linestyle": "-"}
-    contact_forces(result, link, which="friction", ax=ax, label="friction force", **look)
+    look = panel.line | {"color": _RED, "linestyle": "-"}
+    bd.plot.contact_forces(result, link, which="friction", ax=ax, label="friction force", **look)
     ax.set_ylabel("friction force [N]")
     ax.set_xlim(0.0, 1.0)
     panel.marks.time(_Q["equal"])
@@ -344,7 +348,7 @@ def _friction_1(panel: _Panel) -> None:
 def _mu_time_1(panel: _Panel) -> None:
     """Fig. 11a."""
     result, link, sign = panel.runs.case_1, panel.links.case_1, _sign_1(panel)
-    friction_coefficient(result, link, ax=panel.ax, label=_element(link), **panel.line)
+    bd.plot.friction_coefficient(result, link, ax=panel.ax, label=_element(link), **panel.line)
     panel.ax.set_xlim(0.0, 1.0)
     for name in ("arrival", "lost", "regained", "full", "departure"):
         panel.marks.time(_Q[name])
@@ -355,7 +359,7 @@ def _mu_time_1(panel: _Panel) -> None:
 def _mu_slip_1(panel: _Panel) -> None:
     """Fig. 11b."""
     result, link, sign = panel.runs.case_1, panel.links.case_1, _sign_1(panel)
-    friction_coefficient(
+    bd.plot.friction_coefficient(
         result, link, against="slip", ax=panel.ax, label=_element(link), **panel.line
     )
     panel.marks.value(_Q["peak"], sign=sign)
@@ -365,7 +369,9 @@ def _mu_slip_1(panel: _Panel) -> None:
 def _velocity(panel: _Panel) -> None:
     """Fig. 12: the paper states no number, only that the direction changes."""
     link = panel.links.case_1
-    relative_velocity(panel.runs.case_1, link, ax=panel.ax, label=_element(link), **panel.line)
+    bd.plot.relative_velocity(
+        panel.runs.case_1, link, ax=panel.ax, label=_element(link), **panel.line
+    )
     panel.ax.axhline(0.0, color=_GREY, lw=0.8, zorder=1.0)
     panel.ax.set_xlim(0.0, 1.0)
 
@@ -375,17 +381,17 @@ def _velocity(panel: _Panel) -> None:
 
 def _torques_2(panel: _Panel) -> None:
     """Fig. 13."""
-    _pulley_lines(torques, panel, panel.runs.case_2)
+    _pulley_lines(bd.plot.torques, panel, panel.runs.case_2)
     _mark_text_torque(panel, REVERSALS, (-1, 1))
 
 
 def _speeds_2(panel: _Panel) -> None:
     """Fig. 14."""
-    _pulley_lines(speeds, panel, panel.runs.case_2, **_DENSE)
+    _pulley_lines(bd.plot.speeds, panel, panel.runs.case_2, **_DENSE)
     _mark_differences(panel, panel.runs.case_2)
 
 
-def _mark_differences(panel: _Panel, result: Result) -> None:
+def _mark_differences(panel: _Panel, result: bd.Result) -> None:
     """Draw two bars at the distance of the paper's speeds, centred on ours."""
     for k, time in enumerate(REVERSALS, start=1):
         quantity = _Q[f"difference_{k}"]
@@ -403,7 +409,7 @@ def _mark_differences(panel: _Panel, result: Result) -> None:
 def _force_2(panel: _Panel) -> None:
     """Fig. 15."""
     result, link = panel.runs.case_2, panel.links.case_2
-    joint_force(result, link, ax=panel.ax, label=_joint(link), **panel.line)
+    bd.plot.joint_force(result, link, ax=panel.ax, label=_joint(link), **panel.line)
     panel.ax.set_xlim(0.0, 1.0)
     force = result.joints.force[:, link]
     places = {
@@ -418,7 +424,9 @@ def _forces_2(panel: _Panel) -> None:
     """Fig. 16."""
     result, link = panel.runs.case_2, panel.links.case_2
     for force in ("normal", "friction"):
-        contact_forces(result, link, which=force, ax=panel.ax, label=f"{force} force", **panel.line)
+        bd.plot.contact_forces(
+            result, link, which=force, ax=panel.ax, label=f"{force} force", **panel.line
+        )
     panel.ax.set_xlim(0.0, 1.0)
     friction = result.contact.friction[:, link]
     top = int(np.abs(friction).argmax())
@@ -433,7 +441,7 @@ def _forces_2(panel: _Panel) -> None:
 def _mu_time_2(panel: _Panel) -> None:
     """Fig. 17a."""
     result, link = panel.runs.case_2, panel.links.case_2
-    friction_coefficient(result, link, ax=panel.ax, label=_element(link), **panel.line)
+    bd.plot.friction_coefficient(result, link, ax=panel.ax, label=_element(link), **panel.line)
     panel.ax.set_xlim(0.0, 1.0)
     for name in ("negative_from", "negative_to", "positive_from", "positive_to"):
         panel.marks.time(_Q[name])
@@ -443,7 +451,7 @@ def _mu_time_2(panel: _Panel) -> None:
 def _mu_slip_2(panel: _Panel) -> None:
     """Fig. 17b."""
     result, link = panel.runs.case_2, panel.links.case_2
-    friction_coefficient(
+    bd.plot.friction_coefficient(
         result, link, against="slip", ax=panel.ax, label=_element(link), **panel.line
     )
     extreme, back = _Q["extreme"], _Q["return"]
@@ -458,7 +466,9 @@ def _two_sigmas(panel: _Panel) -> None:
     for result in (panel.runs.case_2, panel.runs.case_2_soft):
         sigma, mu_k = dahl(result).sigma, dahl(result).mu_k
         label = f"$\\sigma$ = {sigma:g} 1/m"
-        friction_coefficient(result, link, against="slip", ax=panel.ax, label=label, **panel.line)
+        bd.plot.friction_coefficient(
+            result, link, against="slip", ax=panel.ax, label=label, **panel.line
+        )
         first = result.t <= sum(REVERSALS) / 2.0
         turn = float(result.contact.slip[first, link].min()) / mm
         rise = np.array([-1.0, 0.0]) * mu_k
@@ -476,7 +486,7 @@ def _two_sigmas(panel: _Panel) -> None:
 
 def _speeds_soft(panel: _Panel) -> None:
     """Fig. 19, over Fig. 14 in grey."""
-    _pulley_lines(speeds, panel, panel.runs.case_2_soft, **_DENSE)
+    _pulley_lines(bd.plot.speeds, panel, panel.runs.case_2_soft, **_DENSE)
     stiff = panel.runs.case_2
     for k in range(2):
         panel.ax.plot(

@@ -9,30 +9,23 @@ intervals.
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from importlib import import_module
+from typing import Any
 
 import attrs
 import numpy as np
 
-from .. import scenes
-from ..base.checks import Array
-from ..base.run_warnings import silenced
-from ..drive.friction import Dahl
-from ..drive.params import Params
-from ..drive.parts import Belt, Contact, Pulley
-from ..drive.tensioning import Tensioning
-from ..identification.experiment import Experiment, Target
-from ..identification.findings import Identification
-from ..identification.free import Free, place, resolve
-from ..result.errors import SimulationError
-from ..result.result import Result
-from ..run.simulation import settle, simulate
+import beltdyn as bd
+
 from .paper_numbers import (
     QUANTITIES,
+    Array,
     Links,
     best_links,
     candidates,
@@ -65,9 +58,9 @@ _METHOD = "tsit5"
 def _drive(
     ea: float, ei: float, rho_a: float, eta_a: float, c1: float, c2: float, b: float,
     inertia: float, mu_k: float,
-) -> Params:  # fmt: skip
-    return Params(
-        belt=Belt(
+) -> bd.Params:  # fmt: skip
+    return bd.Params(
+        belt=bd.Belt(
             length=1.2,
             n_bodies=60,
             linear_density=rho_a,
@@ -77,11 +70,11 @@ def _drive(
             mesh="paper",
         ),
         pulleys=[
-            Pulley(center=(0.0, 0.0), radius=0.1, inertia=inertia),
-            Pulley(center=(0.290, 0.0), radius=0.1, inertia=inertia),
+            bd.Pulley(center=(0.0, 0.0), radius=0.1, inertia=inertia),
+            bd.Pulley(center=(0.290, 0.0), radius=0.1, inertia=inertia),
         ],
-        contact=Contact(quadratic=c1, linear=c2, damping=b),
-        friction=Dahl(mu_k=mu_k, sigma=1e4),
+        contact=bd.Contact(quadratic=c1, linear=c2, damping=b),
+        friction=bd.Dahl(mu_k=mu_k, sigma=1e4),
     )
 
 
@@ -97,24 +90,24 @@ BEGIN = attrs.evolve(
     STARTS["S1"],
     belt=attrs.evolve(STARTS["S1"].belt, axial_damping=0.3),
     contact=attrs.evolve(STARTS["S1"].contact, quadratic=1e9, damping=5e3),
-    tensioning=Tensioning(friction=True, offset=((0.0, 0.0), (0.0, 0.0))),
+    tensioning=bd.Tensioning(friction=True, offset=((0.0, 0.0), (0.0, 0.0))),
 )
 
 #: The unknowns and their limits. A heavy belt with little damping in its contact, such as S1, is
 #: chaotic: a tighter tolerance changes its forces by a percent after a second, and numbers read
 #: from such runs are noise. The limits of density and damping exclude this.
 UNKNOWNS = (
-    Free("belt.axial_stiffness", lower=4e4, upper=1.6e5),
-    Free("belt.bending_stiffness", lower=2e-3, upper=0.4),
-    Free("belt.linear_density", lower=0.04, upper=0.1),
-    Free("belt.axial_damping", lower=0.25, upper=2.0),
-    Free("contact.quadratic", lower=1e8, upper=1e12),
-    Free("contact.linear", lower=5e6, upper=1.5e9),
-    Free("contact.damping", lower=4e3, upper=2e4),
-    Free("pulleys[*].inertia", lower=0.005, upper=0.03),
-    Free("friction.mu_k", lower=0.85, upper=1.15),
-    Free("tensioning.shift", lower=-0.011, upper=0.011, scale="linear", size=0.01),
-    Free("tensioning.offset[1][0]", lower=-2e-3, upper=2e-3, scale="linear", size=1e-3),
+    bd.Free("belt.axial_stiffness", lower=4e4, upper=1.6e5),
+    bd.Free("belt.bending_stiffness", lower=2e-3, upper=0.4),
+    bd.Free("belt.linear_density", lower=0.04, upper=0.1),
+    bd.Free("belt.axial_damping", lower=0.25, upper=2.0),
+    bd.Free("contact.quadratic", lower=1e8, upper=1e12),
+    bd.Free("contact.linear", lower=5e6, upper=1.5e9),
+    bd.Free("contact.damping", lower=4e3, upper=2e4),
+    bd.Free("pulleys[*].inertia", lower=0.005, upper=0.03),
+    bd.Free("friction.mu_k", lower=0.85, upper=1.15),
+    bd.Free("tensioning.shift", lower=-0.011, upper=0.011, scale="linear", size=0.01),
+    bd.Free("tensioning.offset[1][0]", lower=-2e-3, upper=2e-3, scale="linear", size=1e-3),
 )
 
 #: Uncertainty of a starting set: a standard deviation of the logarithm (mm for the offset).
@@ -145,7 +138,7 @@ class Trial:
         cost: The same with the terms that keep a search within the demands.
     """
 
-    params: Params
+    params: bd.Params
     links: Links | None = None
     values: dict[str, float] = attrs.field(factory=dict, repr=False)
     misfit: float = np.inf
@@ -160,11 +153,11 @@ class Trial:
         )
 
 
-def _runs(params: Params) -> tuple[Result, Result]:
-    state = settle(params)
-    cases = (scenes.kubas_case_1(), scenes.kubas_case_2())
+def _runs(params: bd.Params) -> tuple[bd.Result, bd.Result]:
+    state = bd.settle(params)
+    cases = (bd.scenes.kubas_case_1(), bd.scenes.kubas_case_2())
     first, second = (
-        simulate(
+        bd.simulate(
             params, case.torque_fn, 1.0, t_eval=_T, initial=state, ledger=False,
             method=_METHOD, max_steps=_MAX_STEPS,
         )
@@ -173,17 +166,16 @@ def _runs(params: Params) -> tuple[Result, Result]:
     return first, second
 
 
-def evaluate(params: Params, links: Links | None = None) -> Trial:
-    """Simulate both cases and read the table from them, without issuing warnings.
+def evaluate(params: bd.Params, links: Links | None = None) -> Trial:
+    """Simulate both cases and read the table from them.
 
     Args:
         params: The drive, with its tensioning.
         links: The chosen elements; None: those with which it fits best.
     """
     try:
-        with silenced():
-            case_1, case_2 = _runs(params)
-    except SimulationError:
+        case_1, case_2 = _runs(params)
+    except bd.SimulationError:
         return Trial(params)
     if links is None:
         if not (candidates(case_1, 1) and candidates(case_2, 2)):
@@ -193,20 +185,81 @@ def evaluate(params: Params, links: Links | None = None) -> Trial:
     return Trial(params, links, values, misfit(values), cost(values))
 
 
-def evaluate_all(drives: Iterable[Params], *, workers: int | None = None) -> list[Trial]:
+def evaluate_all(drives: Iterable[bd.Params], *, workers: int | None = None) -> list[Trial]:
     """Do :func:`evaluate` for several drives at once, in threads; None: one per processor."""
-    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
-        return list(pool.map(evaluate, drives))
+    return _map(evaluate, drives, workers)
+
+
+def _map(work: Callable[..., Trial], over: Iterable[Any], workers: int | None) -> list[Trial]:
+    """Map in threads, without issuing warnings."""
+    with warnings.catch_warnings(), ThreadPoolExecutor(workers or os.cpu_count()) as pool:
+        warnings.simplefilter("ignore", bd.BeltdynWarning)
+        return list(pool.map(work, over))
+
+
+def _value(params: bd.Params, name: str) -> float:
+    """Return one of :data:`UNKNOWNS` of a drive."""
+    if name == "pulleys[*].inertia":
+        return params.pulleys[0].inertia
+    if name == "tensioning.offset[1][0]":
+        offset: Any = params.tensioning.offset or ((0.0, 0.0), (0.0, 0.0))
+        return float(offset[1][0])
+    part, field = name.split(".")
+    return float(getattr(getattr(params, part), field))
+
+
+def _with(params: bd.Params, values: Mapping[str, float]) -> bd.Params:
+    """Return a drive with values of :data:`UNKNOWNS`."""
+    changes: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        part, field = name.split(".")
+        changes.setdefault(part, {})[field] = value
+    inertia = changes.pop("pulleys[*]", {})
+    tensioning = changes.get("tensioning", {})
+    if "offset[1][0]" in tensioning:
+        first, second = params.tensioning.offset or ((0.0, 0.0), (0.0, 0.0))
+        tensioning["offset"] = (first, (tensioning.pop("offset[1][0]"), second[1]))
+    parts: dict[str, Any] = {
+        part: attrs.evolve(getattr(params, part), **fields) for part, fields in changes.items()
+    }
+    pulleys = [attrs.evolve(pulley, **inertia) for pulley in params.pulleys]
+    return attrs.evolve(params, pulleys=pulleys, **parts)
+
+
+def coordinate(free: bd.Free, start: float, value: float) -> float:
+    """Return the coordinate of a search: 1 at its start, a change of 1 is large."""
+    if free.scale == "linear":
+        assert free.size is not None
+        return 1.0 + (value - start) / free.size
+    return 1.0 + math.log(value / start)
+
+
+def _drive_at(params: bd.Params, free: Sequence[bd.Free], u: Array) -> bd.Params:
+    """Return the drive at coordinates of a search that started at another."""
+    values = {}
+    for one, x in zip(free, u, strict=True):
+        start = _value(params, one.name)
+        linear = one.scale == "linear"
+        values[one.name] = start + (x - 1.0) * one.size if linear else start * math.exp(x - 1.0)
+    return _with(params, values)
+
+
+def _limits(params: bd.Params, free: Sequence[bd.Free]) -> tuple[Array, Array]:
+    """Return the lower and the upper limits of the coordinates."""
+    limits: list[Any] = [(one.lower, one.upper) for one in free]
+    starts = [_value(params, one.name) for one in free]
+    low, high = (list(map(coordinate, free, starts, of)) for of in zip(*limits, strict=True))
+    return np.array(low), np.array(high)
 
 
 def explore(
-    params: Params,
+    params: bd.Params,
     *,
     generations: int = 28,
     population: int = 14,
     spread: float = 0.4,
     seed: int = 1,
-    free: Sequence[Free] = UNKNOWNS,
+    free: Sequence[bd.Free] = UNKNOWNS,
     workers: int | None = None,
 ) -> list[Trial]:
     """Search widely with an evolution strategy (CMA-ES); needs the package ``cma``.
@@ -226,18 +279,12 @@ def explore(
     """
     strategy_of = import_module("cma").CMAEvolutionStrategy
 
-    parameters = resolve(params, free)
-    stds = np.array([_UNCERTAINTY.get(parameter.name, 0.5) for parameter in parameters])
-    limits = [
-        [parameter.coordinate(bound) for parameter, bound in zip(parameters, bounds, strict=True)]
-        for bounds in ([p.low for p in parameters], [p.high for p in parameters])
-    ]
     strategy = strategy_of(
-        np.ones(len(parameters)),
+        np.ones(len(free)),
         spread,
         {
-            "CMA_stds": stds,
-            "bounds": limits,
+            "CMA_stds": np.array([_UNCERTAINTY.get(one.name, 0.5) for one in free]),
+            "bounds": [list(limit) for limit in _limits(params, free)],
             "popsize": population,
             "seed": seed,
             "verbose": -9,
@@ -245,16 +292,15 @@ def explore(
         },
     )
     trials: list[Trial] = []
-    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
-        for _ in range(generations):
-            points = strategy.ask()
-            found = list(pool.map(lambda u: evaluate(place(params, parameters, u)), points))
-            strategy.tell(points, [min(trial.cost, 1e6) for trial in found])
-            trials += found
+    for _ in range(generations):
+        points = strategy.ask()
+        found = _map(lambda u: evaluate(_drive_at(params, free, u)), points, workers)
+        strategy.tell(points, [min(trial.cost, 1e6) for trial in found])
+        trials += found
     return trials
 
 
-def targets(links: Links, *, within_demands: bool = True) -> list[Target]:
+def targets(links: Links, *, within_demands: bool = True) -> list[bd.Target]:
     """Return the table as targets for :func:`beltdyn.identify`, one per case.
 
     Args:
@@ -263,10 +309,10 @@ def targets(links: Links, *, within_demands: bool = True) -> list[Target]:
             sensitivities and intervals.
     """
     found = []
-    for case, scene in ((1, scenes.kubas_case_1()), (2, scenes.kubas_case_2())):
+    for case, scene in ((1, bd.scenes.kubas_case_1()), (2, bd.scenes.kubas_case_2())):
         rows = [q for q in QUANTITIES if q.case == case]
         extra = sum(q.demanded for q in rows) if within_demands else 0
-        experiment = Experiment(
+        experiment = bd.Experiment(
             scene.torque_fn,
             scene.t_end,
             options={"ledger": False, "method": _METHOD, "max_steps": _MAX_STEPS},
@@ -286,19 +332,19 @@ def targets(links: Links, *, within_demands: bool = True) -> list[Target]:
     return found
 
 
-def _numbers(result: Result, *, case: int, link: int, within_demands: bool) -> Array:
+def _numbers(result: bd.Result, *, case: int, link: int, within_demands: bool) -> Array:
     values = read(result, case, link)
     numbers = np.array([values[q.name] for q in QUANTITIES if q.case == case])
     return np.concatenate([numbers, demands(values)]) if within_demands else numbers
 
 
 def trade_off(
-    found: Identification,
+    found: bd.Identification,
     links: Links,
     name: str,
     *,
     weights: Sequence[float] = (2.0, 4.0, 8.0),
-    free: Sequence[Free] = UNKNOWNS,
+    free: Sequence[bd.Free] = UNKNOWNS,
     workers: int | None = None,
 ) -> list[Trial]:
     """Increase the weight of one quantity and simulate the effect on the others.
@@ -317,8 +363,7 @@ def trade_off(
     Returns:
         The solution itself, then a trial for each weight.
     """
-    parameters = resolve(found.params, free)
-    uncertainty = np.array([_UNCERTAINTY[parameter.name] for parameter in parameters])
+    uncertainty = np.array([_UNCERTAINTY[one.name] for one in free])
     z = np.concatenate([np.ravel(values) for values in found.residuals.values()])
     row = found.labels.index(name)
 
@@ -329,9 +374,7 @@ def trade_off(
         change, *_ = np.linalg.lstsq(
             matrix, np.concatenate([-z * (scale - 1.0), np.zeros(uncertainty.size)]), rcond=None
         )
-        limit = [(p.coordinate(p.low), p.coordinate(p.high)) for p in parameters]
-        return np.asarray(np.clip(1.0 + change, *np.transpose(limit)))
+        return np.asarray(np.clip(1.0 + change, *_limits(found.params, free)))
 
-    drives = [found.params, *(place(found.params, parameters, step(w)) for w in weights)]
-    with ThreadPoolExecutor(workers or os.cpu_count()) as pool:
-        return list(pool.map(lambda drive: evaluate(drive, links), drives))
+    drives = [found.params, *(_drive_at(found.params, free, step(w)) for w in weights)]
+    return _map(lambda drive: evaluate(drive, links), drives, workers)

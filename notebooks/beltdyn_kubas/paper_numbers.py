@@ -18,10 +18,9 @@ from typing import NamedTuple
 
 import attrs
 import numpy as np
+from numpy.typing import NDArray
 
-from ..base.checks import Array
-from ..drive.friction import Dahl
-from ..result.result import Result
+import beltdyn as bd
 
 __all__ = [
     "QUANTITIES",
@@ -37,6 +36,7 @@ __all__ = [
     "residuals",
 ]
 
+Array = NDArray[np.float64]
 #: Share of mu_k from which on friction counts as fully developed.
 _FULL = 0.95
 _ALMOST_EQUAL = 0.90
@@ -46,10 +46,10 @@ _OFF_LEVEL = 0.01
 _HINGE, _HINGE_FROM = 40.0, 0.85
 
 
-def dahl(result: Result) -> Dahl:
+def dahl(result: bd.Result) -> bd.Dahl:
     """Return the friction of a run of the paper's drives."""
     friction = result.params.friction
-    if not isinstance(friction, Dahl):
+    if not isinstance(friction, bd.Dahl):
         raise TypeError(f"the paper's drives have Dahl friction, got {friction!r}")
     return friction
 
@@ -157,7 +157,7 @@ def cost(values: Mapping[str, float]) -> float:
     return misfit(values) + float(np.sum(demands(values) ** 2))
 
 
-def read(result: Result, case: int, link: int) -> dict[str, float]:
+def read(result: bd.Result, case: int, link: int) -> dict[str, float]:
     """Read every quantity of a case from its run.
 
     Args:
@@ -172,7 +172,7 @@ def read(result: Result, case: int, link: int) -> dict[str, float]:
     return _read_case_1(result, link) if case == 1 else _read_case_2(result, link)
 
 
-def candidates(result: Result, case: int) -> tuple[int, ...]:
+def candidates(result: bd.Result, case: int) -> tuple[int, ...]:
     """Links that may be the chosen element of a case.
 
     Case 1: in a span at the start, on the driven pulley from just before or after 0.3 s. Case 2:
@@ -187,16 +187,16 @@ def candidates(result: Result, case: int) -> tuple[int, ...]:
     return tuple(int(start[0]) + k for k in range(start.size))
 
 
-def best_links(case_1: Result, case_2: Result) -> Links:
+def best_links(case_1: bd.Result, case_2: bd.Result) -> Links:
     """Choose the elements with which the two runs agree best with the paper."""
 
-    def best(result: Result, case: int) -> int:
+    def best(result: bd.Result, case: int) -> int:
         return min(candidates(result, case), key=lambda link: cost(read(result, case, link)))
 
     return Links(best(case_1, 1), best(case_2, 2))
 
 
-def _row(result: Result, t: float) -> int:
+def _row(result: bd.Result, t: float) -> int:
     return int(np.argmin(np.abs(result.t - t)))
 
 
@@ -246,7 +246,7 @@ def _last_below(number: Array, force: Array, level: float) -> float:
     return _last_at_or_above(number, -force, -level)
 
 
-def _read_case_1(result: Result, link: int) -> dict[str, float]:
+def _read_case_1(result: bd.Result, link: int) -> dict[str, float]:
     late = result.t >= 0.35
     k = _row(result, 0.4)
     passive, active = (float(value) for value in result.span_tension[k])
@@ -257,7 +257,7 @@ def _read_case_1(result: Result, link: int) -> dict[str, float]:
     return values | _passage(result, link) | {"damping": _damping_share(result, link)}
 
 
-def _passage(result: Result, link: int) -> dict[str, float]:
+def _passage(result: bd.Result, link: int) -> dict[str, float]:
     """Rows 5 to 7: the chosen element on the driven pulley."""
     t = result.t
     touching = (result.contact.pulley[:, link] == 1) & (t > 0.2)
@@ -287,7 +287,7 @@ def _passage(result: Result, link: int) -> dict[str, float]:
     }
 
 
-def _damping_share(result: Result, link: int) -> float:
+def _damping_share(result: bd.Result, link: int) -> float:
     """Row 8: rms of the force from damping over the rms of the changes of the force."""
     info = result.params.info
     force = result.joints.force[:, link]
@@ -295,7 +295,7 @@ def _damping_share(result: Result, link: int) -> float:
     return float(np.sqrt(np.mean(damping**2)) / np.std(force))
 
 
-def _read_case_2(result: Result, link: int) -> dict[str, float]:
+def _read_case_2(result: bd.Result, link: int) -> dict[str, float]:
     t, contact = result.t, result.contact
     force = result.joints.force[:, link]
     mu_k = dahl(result).mu_k

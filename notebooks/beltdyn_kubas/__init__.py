@@ -3,10 +3,11 @@
 K. Kubas, "A model for the dynamic analysis of a belt transmission using the Dahl friction model".
 
 :func:`runs` simulates the paper's cases, :func:`compare` compares its numbers with ours, and
-:mod:`beltdyn.kubas.figures` (which needs matplotlib) draws its figures.
+:mod:`beltdyn_kubas.figures` (which needs matplotlib) draws its figures.
 
-The library does not depend on this package; only the command ``beltdyn figures`` imports it. This
-package uses the library; the paper's drives are scenes there (:func:`beltdyn.scenes.kubas_case_1`).
+This package uses the public interface of beltdyn alone, as a user's script does, and is installed
+with it for the command ``beltdyn figures``. The paper's drives are scenes of beltdyn
+(:func:`beltdyn.scenes.kubas_case_1`).
 """
 
 from .cases import LINKS, Runs, runs

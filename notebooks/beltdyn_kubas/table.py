@@ -1,6 +1,6 @@
 """The paper's numbers and ours side by side.
 
-Rows 1 to 13 are those of :mod:`beltdyn.kubas.paper_numbers`. Added here: row 0, that every run
+Rows 1 to 13 are those of :mod:`beltdyn_kubas.paper_numbers`. Added here: row 0, that every run
 starts from rest, and row 14, the effect of a smaller sigma.
 """
 
@@ -12,8 +12,8 @@ from html import escape
 import attrs
 import numpy as np
 
-from ..base.columns import columns
-from ..result.result import Result
+import beltdyn as bd
+
 from .cases import LINKS, REVERSALS, SOFT_SIGMA, Runs
 from .paper_numbers import QUANTITIES, Links, Quantity, dahl, read
 
@@ -152,15 +152,19 @@ class Comparison:
 
 
 def _aligned(rows: list[tuple[str, ...]]) -> str:
-    sides = "".join("<" if k in _TEXT_COLUMNS else ">" for k in range(len(_HEAD)))
-    return "\n".join(columns([_HEAD, *rows], sides, ""))
+    texts = [_HEAD, *rows]
+    cells = [
+        f"{'<' if k in _TEXT_COLUMNS else '>'}{max(map(len, column))}"
+        for k, column in enumerate(zip(*texts, strict=True))
+    ]
+    return "\n".join("  ".join(map(format, row, cells)).rstrip() for row in texts)
 
 
 def compare(runs: Runs, links: Links = LINKS) -> Comparison:
     """Read every number that the paper states from the runs.
 
     Args:
-        runs: The three runs, of :func:`beltdyn.kubas.runs`.
+        runs: The three runs, of :func:`beltdyn_kubas.runs`.
         links: The chosen elements.
     """
     values = read(runs.case_1, 1, links.case_1) | read(runs.case_2, 2, links.case_2)
@@ -173,7 +177,7 @@ def compare(runs: Runs, links: Links = LINKS) -> Comparison:
     return Comparison(tuple(sorted(lines, key=lambda line: line.quantity.row)))
 
 
-def _rest(result: Result, case: int) -> Line:
+def _rest(result: bd.Result, case: int) -> Line:
     """Row 0: in the first millisecond forces change by no more than the set torque can explain.
 
     So nothing jumps when the run starts. The drive need not be in equilibrium: pulleys that were
@@ -220,7 +224,7 @@ def _smaller_sigma(runs: Runs, link: int) -> list[Line]:
     return lines
 
 
-def _slope_at_reversal(result: Result, link: int) -> float:
+def _slope_at_reversal(result: bd.Result, link: int) -> float:
     """Slope of mu over the slip displacement where it leaves -mu_k [1/m].
 
     Where the belt slips forward, the local slope of (2.9) falls along a straight line in mu; its
@@ -242,7 +246,7 @@ def _slope_at_reversal(result: Result, link: int) -> float:
     return float(line(-mu_k))
 
 
-def _swing(result: Result, start: float) -> float:
+def _swing(result: bd.Result, start: float) -> float:
     """Half the range of the speed difference soon after a reversal of the torque [rad/s]."""
     after = (result.t >= start) & (result.t <= start + _RINGS)
     difference = result.pulleys.omega[after, 0] - result.pulleys.omega[after, 1]
