@@ -50,9 +50,8 @@ if _core_version != __version__:
         "`python -m pip install .` again"
     )
 
-from . import accuracy, scenes, spectra
 from ._moved import MOVED as _MOVED
-from .base.described import describe as _describe
+from .base.described import describe_all as _describe_all
 from .base.run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .drive import friction as friction
 from .drive.couplings import Isolator, OverrunningClutch, TorsionalDamper
@@ -74,15 +73,6 @@ from .drive.parts import Belt, Contact, Drag, Pulley
 from .drive.route import Route, route
 from .drive.scene import Scene
 from .drive.tensioning import Tensioning
-from .explaining import Explanation, explain
-from .identification import (
-    Experiment,
-    Free,
-    Identification,
-    IdentificationInterrupted,
-    Target,
-    identify,
-)
 from .loads.loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
 from .loads.motions import AngleTable, CrankMotion, Motion
 from .loads.torques import PiecewiseLinear, Torque, TorqueSum, Viscous
@@ -93,17 +83,32 @@ from .outputs.histories import Stats
 from .outputs.places import AlongBelt
 from .outputs.state import State, Tensions
 from .report import Report
-from .report import rows as _rows
 from .result.errors import Interrupted, SimulationError
 from .result.result import Result
 from .run.checkpoints import Checkpoint
 from .run.resuming import resume
 from .run.simulation import METHODS, settle, simulate
-from .sweeping import Samples, Sensitivity, SweepInterrupted, sample, sensitivity, sweep
-from .vibration import FrequencyResponse, Modes, frequency_response, modes
 
 if TYPE_CHECKING:
+    from . import accuracy as accuracy
     from . import plot as plot
+    from . import scenes as scenes
+    from . import spectra as spectra
+    from .explaining import Explanation, explain
+    from .identification import (
+        Experiment,
+        Free,
+        Identification,
+        IdentificationInterrupted,
+        Target,
+        identify,
+    )
+    from .sweeping.sampling import Samples, sample
+    from .sweeping.sensitivity import Sensitivity, sensitivity
+    from .sweeping.sweep import SweepInterrupted, sweep
+    from .vibration.mode_set import Modes
+    from .vibration.modes import modes
+    from .vibration.response import FrequencyResponse, frequency_response
 
 __all__ = [
     "METHODS",
@@ -206,14 +211,20 @@ _RETURNED = {
     "TorqueSum",
 }
 
-for _cls in (
-    *map(globals().__getitem__, __all__),
-    *(getattr(_module, _name) for _module in (accuracy, spectra) for _name in _module.__all__),
-    *vars(_rows).values(),
-    *_GROUPS.values(),
-):
-    if isinstance(_cls, type):
-        _describe(_cls)
+#: Rooms that no run needs, imported when they, or one of their names, are first asked for.
+_LATE = {
+    "accuracy": "",
+    "explaining": "Explanation explain",
+    "identification": "Experiment Free Identification IdentificationInterrupted Target identify",
+    "plot": "",  # needs matplotlib
+    "scenes": "",
+    "spectra": "",
+    "sweeping": "Samples Sensitivity SweepInterrupted sample sensitivity sweep",
+    "vibration": "FrequencyResponse Modes frequency_response modes",
+}
+_ROOM_OF = {name: room for room, names in _LATE.items() for name in names.split()}
+
+_describe_all((*map(globals().get, __all__), *_GROUPS.values()))
 
 sys.modules[f"{__name__}.friction"] = friction  # public by this name
 globals().update({_law.__name__: _law for _law in _LAWS.values()})  # those without a class, too
@@ -224,9 +235,12 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    """Import ``bd.plot`` when it is first asked for: it needs matplotlib."""
-    if name == "plot":
-        return import_module(f"{__name__}.plot")
+    """Import a room when it is first asked for."""
+    if name in _LATE:
+        return import_module(f"{__name__}.{name}")
+    if name in _ROOM_OF:
+        found = globals()[name] = getattr(import_module(f"{__name__}.{_ROOM_OF[name]}"), name)
+        return found
     if name in _MOVED:
         raise AttributeError(f"{__name__}.{name} has moved to {__name__}.{_MOVED[name]}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

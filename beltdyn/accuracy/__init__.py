@@ -11,6 +11,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from ..base.described import describe_all
 from ..outputs.accuracy_report import Accuracy, Expected, QuantityError
 from ..verification.quantities import QUANTITIES, Observed, differences, observe, with_links
 
@@ -52,5 +53,10 @@ _LATE = {
 
 def __getattr__(name: str) -> Any:
     if name in _LATE:
-        return getattr(import_module(f"{__name__}.{_LATE[name]}"), name)
+        found = globals()[name] = getattr(import_module(f"{__name__}.{_LATE[name]}"), name)
+        describe_all((found,))
+        return found
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+describe_all(globals().get(name) for name in __all__)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import inspect
 import re
+from collections.abc import Iterable
 from typing import Any
 
 import attrs
 
-__all__ = ["describe"]
+__all__ = ["describe", "describe_all"]
 
 #: For ``attrs.inspect`` and for classes that are made of this one and set attributes; not
 #: ``__attrs_attrs__``, which ``attrs.fields`` reads.
@@ -40,6 +41,13 @@ def describe(cls: Any) -> None:
         texts = _texts(cls)
         for name in cls._fields:
             getattr(cls, name).__doc__ = texts.get(name)
+
+
+def describe_all(objects: Iterable[Any]) -> None:
+    """Describe the classes among public objects."""
+    for one in objects:
+        if isinstance(one, type):
+            describe(one)
 
 
 def _give_texts(cls: Any, names: list[str]) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from ..base.described import describe_all
 from .ablation import Ablation, LeftOut
 from .cost import Pass, StateSize, Step
 from .effects import Effect
 from .explanation import Explanation, explain
 
 __all__ = ["Ablation", "Effect", "Explanation", "LeftOut", "Pass", "StateSize", "Step", "explain"]
+
+describe_all(map(globals().__getitem__, __all__))

@@ -5,6 +5,7 @@ Needs SciPy, which is imported when :func:`identify` is called.
 
 from __future__ import annotations
 
+from ..base.described import describe_all
 from .experiment import Experiment, Target
 from .findings import Identification, IdentificationInterrupted, Sensitivity
 from .fit import identify
@@ -21,3 +22,5 @@ __all__ = [
     "Target",
     "identify",
 ]
+
+describe_all(map(globals().__getitem__, __all__))

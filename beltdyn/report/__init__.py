@@ -9,6 +9,8 @@ screen and in full, and ``flat`` for how it is given as numbers.
 
 from __future__ import annotations
 
+from ..base.described import describe_all
+from . import rows
 from .cycles import rainflow
 from .digits import speed_errors
 from .making import creep_of, make_report
@@ -30,3 +32,5 @@ __all__ = [
     "rainflow",
     "speed_errors",
 ]
+
+describe_all((Report, *vars(rows).values()))

@@ -11,6 +11,7 @@ Needs SciPy, imported when it is used.
 
 from __future__ import annotations
 
+from ..base.described import describe_all
 from ..outputs.orders import Source, belt_rate, folded, sources
 from .fourier import amplitude_spectrum, even_step, spectrogram
 from .signals import Signal, signal
@@ -32,3 +33,5 @@ __all__ = [
     "spectrum",
     "speed_spectra",
 ]
+
+describe_all(map(globals().__getitem__, __all__))

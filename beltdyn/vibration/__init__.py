@@ -1,5 +1,6 @@
 """Small vibrations of a drive about a state: modes, frequency responses. Needs SciPy."""
 
+from ..base.described import describe_all
 from .mode_set import Modes, Shapes
 from .modes import modes
 from .participation import Participation
@@ -13,3 +14,5 @@ __all__ = [
     "frequency_response",
     "modes",
 ]
+
+describe_all(map(globals().__getitem__, __all__))
