@@ -48,12 +48,7 @@ def _with_unit(unit: str) -> str:
 
 
 def real(name: str, value: object, unit: str = "1") -> float:
-    """Check a real number; return it as a plain float.
-
-    Raises:
-        TypeError: Not a real number (bool, str, None and complex are not).
-        ValueError: NaN or infinite.
-    """
+    """Check a real number; return it as a plain float."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise TypeError(f"{name} must be a real number{_with_unit(unit)}, got {shown(value)}")
     try:
@@ -66,12 +61,7 @@ def real(name: str, value: object, unit: str = "1") -> float:
 
 
 def real_numbers(name: str, value: object, unit: str = "1") -> tuple[float, ...]:
-    """Check a list of real numbers, at least one; return them as plain floats.
-
-    Raises:
-        TypeError: Not a sequence of real numbers.
-        ValueError: It is empty, or one is NaN or infinite.
-    """
+    """Check a list of real numbers, at least one; return them as plain floats."""
     if isinstance(value, np.ndarray) and value.ndim == 1:
         value = value.tolist()
     if not isinstance(value, Sequence) or isinstance(value, (str, bytes)):
@@ -91,12 +81,7 @@ def close_to(name: str, known: Iterable[str]) -> str:
 
 
 def positive(name: str, value: object, unit: str = "1") -> float:
-    """Check a real number > 0; return it as a plain float.
-
-    Raises:
-        TypeError: Not a real number.
-        ValueError: NaN, infinite, zero or negative.
-    """
+    """Check a real number > 0; return it as a plain float."""
     number = real(name, value, unit)
     if number <= 0.0:
         with_unit = "" if unit == "1" else f" {unit}"
@@ -105,12 +90,7 @@ def positive(name: str, value: object, unit: str = "1") -> float:
 
 
 def share_of_run(name: str, value: object) -> float:
-    """Check a part of a run, counted from its end; return it as a plain float.
-
-    Raises:
-        TypeError: Not a real number.
-        ValueError: Not in 0 < value <= 1, such as seconds.
-    """
+    """Check a part of a run, counted from its end; return it as a plain float."""
     share = real(name, value)
     if not 0.0 < share <= 1.0:
         raise ValueError(f"{name} must be > 0 and <= 1 (a share of the run), got {share:g}")
@@ -118,23 +98,14 @@ def share_of_run(name: str, value: object) -> float:
 
 
 def flag(name: str, value: object) -> bool:
-    """Check a bool, Python's or NumPy's.
-
-    Raises:
-        TypeError: Not a bool.
-    """
+    """Check a bool, Python's or NumPy's."""
     if not isinstance(value, (bool, np.bool_)):
         raise TypeError(f"{name} must be a bool, got {shown(value)}")
     return bool(value)
 
 
 def integer(name: str, value: object, least: int, most: int | None = None) -> int:
-    """Check an integer from ``least`` to ``most``; return it as a plain int. 60.0 is not one.
-
-    Raises:
-        TypeError: Not an integer.
-        ValueError: Too small or too large.
-    """
+    """Check an integer from ``least`` to ``most``; return it as a plain int. 60.0 is not one."""
     bounds = f">= {least}" if most is None else f"from {least} to {most}"
     rule = f"{name} must be an integer {bounds}"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
@@ -146,12 +117,7 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
 
 
 def one_of(name: str, value: object, choices: Sequence[str]) -> str:
-    """Check a choice among some names.
-
-    Raises:
-        TypeError: Not a str.
-        ValueError: None of the names.
-    """
+    """Check a choice among some names."""
     rule = f"{name} must be one of {', '.join(choices)}, got {shown(value)}"
     if not isinstance(value, str):
         raise TypeError(rule)
@@ -174,11 +140,7 @@ def pair(name: str, value: object, unit: str) -> tuple[float, float]:
 
 
 def refuse_masked(name: str, value: object) -> None:
-    """Refuse masked values, alone or in sequences: NumPy would use the numbers under the mask.
-
-    Raises:
-        ValueError: There are masked values. An array whose mask is empty passes.
-    """
+    """Refuse masked values, alone or in sequences: NumPy would use the numbers under the mask."""
     # Another thread may be importing it just now; nothing can be masked before that has ended.
     masked = sys.modules.get("numpy.ma")
     if hasattr(masked, "is_masked") and _holds_masked(value, masked, _DEEPEST):
@@ -205,10 +167,6 @@ def real_array(
 
     It has ``ndim`` dimensions, or up to ``most``. Its memory is that of a ``bytes`` object, so it
     cannot even be made writeable again.
-
-    Raises:
-        TypeError: Not real numbers.
-        ValueError: Wrong shape, ragged, masked, NaN or infinite.
     """
     refuse_masked(name, value)
     try:
@@ -232,12 +190,7 @@ def real_array(
 
 
 def sample_times(name: str, value: Any, start: float, end: float) -> Array:
-    """Check non-decreasing times within a run (n_t,) [s].
-
-    Raises:
-        TypeError: Not real numbers.
-        ValueError: Wrong shape, NaN, infinite, decreasing or outside the run.
-    """
+    """Check non-decreasing times within a run (n_t,) [s]."""
     if isinstance(value, numbers.Real):
         count = int(value) if isinstance(value, numbers.Integral) and int(value) > 1 else 100
         raise ValueError(

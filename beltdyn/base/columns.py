@@ -8,14 +8,7 @@ __all__ = ["columns", "widths"]
 
 
 def columns(rows: Sequence[Sequence[str]], sides: str = "<>", indent: str = "  ") -> list[str]:
-    """Return the lines of a table.
-
-    Args:
-        rows: Its cells, as many in each row.
-        sides: Of each column "<", to the left, or ">", to the right; the last one of all that
-            follow.
-        indent: Beginning of each line.
-    """
+    """Return the lines of a table."""
     wide = widths(rows)
     sides = sides.ljust(len(wide), sides[-1])
     cells = [f"{side}{n}" for side, n in zip(sides, wide, strict=False)]

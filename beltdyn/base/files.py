@@ -26,9 +26,6 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     its permission bits, and its owner where the system allows it; a link is followed; other hard
     links to a file keep the old contents. Anything but a regular file, such as a pipe or
     /dev/null, is written to directly.
-
-    Raises:
-        OSError: It cannot be written; the message names ``path`` and says what is there now.
     """
     target, before = _find(path)
     if before is not None and not stat.S_ISREG(before.st_mode):
@@ -54,21 +51,13 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file of this content, as :func:`replacing` does.
-
-    Raises:
-        OSError: It cannot be written; the message names ``path`` and says what is there now.
-    """
+    """Write a file of this content, as :func:`replacing` does."""
     with replacing(path) as temporary:
         temporary.write_bytes(content)
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:
-    """Check that :func:`replacing` could begin, without leaving a file behind.
-
-    Raises:
-        OSError: No such folder, no right to make a file in it or to change the one there.
-    """
+    """Check that :func:`replacing` could begin, without leaving a file behind."""
     target, before = _find(path)
     if before is not None and not stat.S_ISREG(before.st_mode):
         if not os.access(target, os.W_OK):

@@ -44,12 +44,7 @@ _RESERVED = re.compile(r"(pulley )?[0-9]+")
 
 
 def as_name(value: object) -> str | None:
-    """Check the name of a pulley; None for none.
-
-    Raises:
-        TypeError: Not a str.
-        ValueError: It breaks the rule.
-    """
+    """Check the name of a pulley; None for none."""
     if value is None:
         return None
     rule = f"pulley.name must be a printable text of 1 to {LONGEST} bytes of UTF-8"
@@ -68,11 +63,7 @@ def as_name(value: object) -> str | None:
 
 
 def names_of(names: Iterable[str | None]) -> tuple[str, ...]:
-    """Return the names of a drive's pulleys, "pulley 3" if one has none.
-
-    Raises:
-        ValueError: Two have the same name.
-    """
+    """Return the names of a drive's pulleys, "pulley 3" if one has none."""
     found: list[str] = []
     for k, name in enumerate(names):
         if name in found:
@@ -85,17 +76,7 @@ def names_of(names: Iterable[str | None]) -> tuple[str, ...]:
 
 
 def index_of(field: str, pulley: object, names: Sequence[str]) -> int:
-    """Find a pulley by its name or its index.
-
-    Args:
-        field: Name of the argument in messages.
-        pulley: The name, or the index.
-        names: Names of the drive's pulleys.
-
-    Raises:
-        TypeError: Neither a name nor an index.
-        ValueError: There is no such pulley.
-    """
+    """Find a pulley by its name or its index."""
     if not isinstance(pulley, str) or pulley.isdecimal():
         return integer(f"{field} index", pulley, 0, len(names) - 1)
     if pulley not in names:
@@ -107,12 +88,7 @@ def index_of(field: str, pulley: object, names: Sequence[str]) -> int:
 
 
 def as_pulley(field: str, value: object) -> PulleyLike:
-    """Check a reference to a pulley before its drive is known: an index >= 0, or a name.
-
-    Raises:
-        TypeError: Neither an integer nor a str.
-        ValueError: A negative index.
-    """
+    """Check a reference to a pulley before its drive is known: an index >= 0, or a name."""
     if isinstance(value, str) and not value.isdecimal():
         return str(value)
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
@@ -121,12 +97,7 @@ def as_pulley(field: str, value: object) -> PulleyLike:
 
 
 def by_index(field: str, values: ByPulley[_T], names: Sequence[str]) -> dict[int, _T]:
-    """Return values given by names or indices of pulleys, by index.
-
-    Raises:
-        TypeError: A key is neither a name nor an index.
-        ValueError: There is no such pulley, or one is there twice.
-    """
+    """Return values given by names or indices of pulleys, by index."""
     found: dict[int, _T] = {}
     for key, value in values.items():
         index = index_of(field, key, names)

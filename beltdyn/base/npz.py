@@ -27,11 +27,7 @@ Arrays = Mapping[str, NDArray[Any]]
 
 
 def write(path: str | os.PathLike[str], values: Mapping[str, Any]) -> None:
-    """Write an ``.npz`` file, exactly to ``path``: NumPy alone would add an ending.
-
-    Raises:
-        OSError: It cannot be written; a file that was there before is unchanged.
-    """
+    """Write an ``.npz`` file, exactly to ``path``: NumPy alone would add an ending."""
     with files.replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, **values)
 
@@ -44,15 +40,7 @@ def pack(values: Mapping[str, Any]) -> bytes:
 
 
 def unpack(content: bytes, names: Collection[str]) -> dict[str, NDArray[Any]]:
-    """Return the arrays packed by :func:`pack`.
-
-    Args:
-        content: The bytes.
-        names: The arrays that may be in it.
-
-    Raises:
-        ValueError: It is something else; one line says what.
-    """
+    """Return the arrays packed by :func:`pack`."""
     try:
         return _arrays(io.BytesIO(content), len(content), names)
     except MemoryError:
@@ -68,19 +56,7 @@ def read(
     names: Collection[str],
     build: Callable[[dict[str, NDArray[Any]]], _T],
 ) -> _T:
-    """Read an ``.npz`` file and build ``what`` from its arrays.
-
-    Args:
-        path: Where it is.
-        what: What it should hold, for messages.
-        names: The arrays that may be in it.
-        build: Builds it; raises KeyError, TypeError or ValueError for arrays that do not fit.
-
-    Raises:
-        OSError: The file cannot be read.
-        MemoryError: It is larger than the memory.
-        ValueError: It is not such a file, or ``build`` cannot use its contents.
-    """
+    """Read an ``.npz`` file and build ``what`` from its arrays."""
     with open(path, "rb") as file:
         try:
             return build(_arrays(file, os.fstat(file.fileno()).st_size, names))
@@ -155,11 +131,7 @@ def _header(data: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
 def number_array(
     name: str, value: NDArray[Any], kind: DTypeLike, shape: tuple[int, ...]
 ) -> NDArray[Any]:
-    """Check an array's kind and shape and return it in this machine's byte order.
-
-    Raises:
-        ValueError: Another kind or shape.
-    """
+    """Check an array's kind and shape and return it in this machine's byte order."""
     native = value.dtype.newbyteorder("=")
     if native != np.dtype(kind):
         raise ValueError(f"{name} must be of type {np.dtype(kind)}, got {value.dtype}")
@@ -169,11 +141,7 @@ def number_array(
 
 
 def text(name: str, value: NDArray[Any]) -> str:
-    """Check that an array is one text and return it.
-
-    Raises:
-        ValueError: It is not.
-    """
+    """Check that an array is one text and return it."""
     if value.dtype.kind != "U" or value.ndim != 0:
         raise ValueError(f"{name} must be a text, got an array of {value.dtype}")
     codes = np.frombuffer(value.tobytes(), np.dtype(np.uint32).newbyteorder(value.dtype.byteorder))

@@ -9,16 +9,7 @@ __all__ = ["optional_module", "scipy_module"]
 
 
 def optional_module(name: str, user: str, extra: str) -> Any:
-    """Import a module of a package that an extra of this one brings.
-
-    Args:
-        name: Name of the module, such as "SALib.analyze.sobol".
-        user: User of the module, at the beginning of the message.
-        extra: That brings it.
-
-    Raises:
-        ImportError: The package is not there; the message says how to get it.
-    """
+    """Import a module of a package that an extra of this one brings."""
     package = name.partition(".")[0]
     try:
         return import_module(name)
@@ -31,15 +22,7 @@ def optional_module(name: str, user: str, extra: str) -> Any:
 
 
 def scipy_module(name: str, user: str) -> Any:
-    """Import a module of SciPy.
-
-    Args:
-        name: Name of the module, such as "signal".
-        user: User of the module, at the beginning of the message.
-
-    Raises:
-        ImportError: SciPy is not there; the message says how to get it.
-    """
+    """Import a module of SciPy."""
     try:
         return import_module(f"scipy.{name}")
     except ImportError:

@@ -8,13 +8,7 @@ __all__ = ["percent", "rounded"]
 
 
 def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, int]:
-    """Round a number to the place of the first digit of its error; return it and its digits.
-
-    Args:
-        value: The number.
-        error: Its error, in its unit; None or NaN, not known, leaves two digits.
-        digits: The most; the least are two.
-    """
+    """Round a number to the place of the first digit of its error; return it and its digits."""
     left = 2
     if error is not None and math.isfinite(error) and math.isfinite(value) and value != 0.0:
         of_error = math.log10(max(error, 1e-300))

@@ -34,11 +34,7 @@ class Row(NamedTuple):
     limits: tuple[Any, ...] = ()
 
     def check(self, name: str, value: object) -> Any:
-        """Check a value; return it as a plain one.
-
-        Raises:
-            TypeError, ValueError: Wrong kind, or outside the limits.
-        """
+        """Check a value; return it as a plain one."""
         if self.kind is str:
             return one_of(name, value, self.limits)
         if self.kind is bool:

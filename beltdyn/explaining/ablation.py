@@ -202,10 +202,6 @@ def changes_of(one: Answers, base: Answers) -> dict[str, Array]:
     """Return the differences of the answers of two runs, over the scales of the second.
 
     What cannot be read off, such as the tension of a span that is gone, is infinitely far off.
-
-    Returns:
-        By the names of ``ANSWERS``, the largest of a span or pulley, over the whole run and over
-        each part of it (1 + 5,) [1].
     """
     changes = {}
     for name in ANSWERS:
@@ -246,19 +242,7 @@ def ablate(
     time_left: Callable[[], float],
     longer: Callable[[float], Runs],
 ) -> Ablation:
-    """Leave out one effect at a time, then together what may go.
-
-    Args:
-        scene: The scene.
-        runs: Settings of the runs.
-        error: The error asked for [1].
-        time_left: CPU time that is left [s]. Without any, what has not been left out so far is
-            not; while there is enough, runs are repeated for their times.
-        longer: Returns runs that take about the CPU time given [s], to confirm what may go.
-
-    Raises:
-        SimulationError: The scene with all its effects does not run.
-    """
+    """Leave out one effect at a time, then together what may go."""
     removals = removals_of(scene)
     without = {removal.name: [removal] for removal in removals}
     base = _Base(scene, runs, error)

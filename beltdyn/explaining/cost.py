@@ -117,12 +117,7 @@ def size_of(sim: _core.Simulation, belt: _core.BeltFacts) -> StateSize:
 
 
 def time_step(start: Callable[[str], _core.Simulation], method: str) -> Step:
-    """Measure a step and its passes.
-
-    Args:
-        start: Returns a run by a method, at the state at which to measure.
-        method: The method; "auto": the one with which it comes furthest in a while.
-    """
+    """Measure a step and its passes."""
     if method == "auto":
         method = _chosen(start(method))
     sim = start(method)

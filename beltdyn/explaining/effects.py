@@ -74,15 +74,7 @@ def effects_of(
     rows: Sequence[int],
     passes: Sequence[str],
 ) -> tuple[Effect, ...]:
-    """Return all effects that a run can have, in the order of their passes.
-
-    Args:
-        params: The drive.
-        torque: The set torques, as text.
-        motions: Prescribed motions, by pulley.
-        rows: Rows of ``_core.EFFECTS`` that the run has.
-        passes: Names of the passes of the run, in the same order.
-    """
+    """Return all effects that a run can have, in the order of their passes."""
     names = dict(zip(rows, passes, strict=False))  # the ledger's pass is no row
     found = []
     for row, (name, asked_by) in enumerate(_core.EFFECTS):

@@ -81,10 +81,6 @@ def find_window(drive: Drive, allowance: float) -> Window:
 
     In pieces that double its length, each from the end of the one before, until the next one would
     take too long; all of them together take about the allowance.
-
-    Args:
-        drive: Settings of the runs.
-        allowance: CPU time of a run [s].
     """
     reached, spent, state = 0.0, 0.0, None
     t_end = drive.scene.t_end

@@ -158,11 +158,7 @@ def _resolve(params: Params, free: Free) -> Parameter:
 
 
 def resolve(params: Params, free: Iterable[Free | str]) -> tuple[Parameter, ...]:
-    """Look up free parameters in a drive.
-
-    Raises:
-        TypeError, ValueError: A name is unknown or stands twice, or a start is missing.
-    """
+    """Look up free parameters in a drive."""
     if isinstance(free, (str, Free)):
         raise TypeError("free must be a sequence of names or bd.Free")
     listed = [part if isinstance(part, Free) else Free(part) for part in free]
@@ -179,11 +175,7 @@ def resolve(params: Params, free: Iterable[Free | str]) -> tuple[Parameter, ...]
 
 
 def place(params: Params, parameters: Sequence[Parameter], u: Array) -> Params:
-    """Return the drive at the coordinates ``u`` (n_free,).
-
-    Raises:
-        ValueError: There is no such drive.
-    """
+    """Return the drive at the coordinates ``u`` (n_free,)."""
     values = [parameter.value(float(at)) for parameter, at in zip(parameters, u, strict=True)]
     if not np.isfinite(values).all():
         raise ValueError("a parameter left the range of floats")

@@ -119,14 +119,7 @@ def _combination(
 
 
 def combinations(names: Sequence[str], jacobian: Array, limit: float) -> tuple[Combination, ...]:
-    """List the combinations of parameters that the data cannot distinguish.
-
-    Args:
-        names: Names of the free parameters.
-        jacobian: Jacobian in standard deviations (n, n_free).
-        limit: Directions whose standard deviation is larger are listed, then pairs correlated by
-            more than 0.95.
-    """
+    """List the combinations of parameters that the data cannot distinguish."""
     singular, vectors, rank = _split(jacobian)
     with np.errstate(divide="ignore"):
         loose = (np.arange(singular.size) >= rank) | (singular * limit < 1.0)

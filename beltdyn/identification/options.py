@@ -40,11 +40,7 @@ class Options:
         loss: str,
         prior: Mapping[str, tuple[float, float]] | None,
     ) -> Self:
-        """Return the options that these arguments ask for.
-
-        Raises:
-            TypeError, ValueError: One breaks its rule.
-        """
+        """Return the options that these arguments ask for."""
         if real("limit", limit) <= 1.0:
             raise ValueError(f"limit must be > 1, got {limit:g}")
         if positive("diff_step", diff_step) >= 1.0:

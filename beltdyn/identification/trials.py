@@ -107,17 +107,7 @@ class Rig:
         refine: int = 1,
         after: Callable[[], None] | None = None,
     ) -> list[Trial]:
-        """Simulate all experiments at several points, in parallel.
-
-        Args:
-            points: The points.
-            keep: Whether the trials keep their results.
-            refine: Factor on the number of links.
-            after: Called when they are done.
-
-        Raises:
-            Exception: What a torque function or a reader raises, unchanged.
-        """
+        """Simulate all experiments at several points, in parallel."""
         drives = [self._drives(u, refine) for u in points]
         starts: dict[tuple[int, int], Any] = {}
         for k, of_runs in enumerate(drives):

@@ -105,11 +105,7 @@ def _ramp(value: float | Sequence[float] | None, name: str = "ramp") -> tuple[fl
 
 
 def harmonic_fields(owner: Any) -> None:
-    """Check orders, amplitudes and phases; no phases are zeros.
-
-    Raises:
-        ValueError: An order is not > 0, there is none, or their numbers differ.
-    """
+    """Check orders, amplitudes and phases; no phases are zeros."""
     name, n = type(owner).__name__, owner.orders.size
     if owner.phases is None:
         object.__setattr__(owner, "phases", real_array("phases", np.zeros(n), ndim=1))

@@ -363,13 +363,7 @@ def in_core(motion: object) -> bool:
 def as_motions(
     motion: ByPulley[MotionLike] | None, names: Sequence[str]
 ) -> dict[int, Motion | CrankMotion]:
-    """Check the motions of a run, of pulleys with these names; return them by index.
-
-    Raises:
-        TypeError: Not a mapping from pulleys to motions.
-        ValueError: There is no such pulley, or one is named twice; a speed that jumps, or is for
-            several pulleys.
-    """
+    """Check the motions of a run, of pulleys with these names; return them by index."""
     if motion is None:
         return {}
     if not isinstance(motion, Mapping):

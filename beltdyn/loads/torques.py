@@ -146,11 +146,7 @@ def _pulley_or_none(value: object) -> PulleyLike | None:
 
 
 def index_alone(name: str, pulley: object, n_pulleys: int) -> int:
-    """Return the index of a pulley where there is no drive to look for a name in.
-
-    Raises:
-        ValueError: It is given by name, or is not there.
-    """
+    """Return the index of a pulley where there is no drive to look for a name in."""
     if isinstance(pulley, str):
         raise ValueError(
             f"{name} is the name {pulley!r}: give an index to evaluate the torque without a drive"
@@ -372,18 +368,6 @@ def as_terms(
     """Turn anything a user may pass as torque into terms for the C core.
 
     Compiled functions are passed as addresses: the caller must keep ``torque_fn`` alive.
-
-    Args:
-        torque_fn: A torque object; a compiled function (ctypes, cffi, Numba ``cfunc``, SciPy's
-            ``LowLevelCallable``) ``void f(double t, const double *theta, const double *omega,
-            double *torque, void *user)``; or a Python callable ``f(t, theta, omega)`` returning
-            n_p values.
-        pulleys: ``Params.pulley_names`` of the drive, n_p of them.
-        path: Name of a torque object in messages.
-
-    Raises:
-        TypeError: None of these, or a compiled function with another signature.
-        ValueError: A torque object for another number of pulleys, or on one that is not there.
     """
     if isinstance(torque_fn, Torque):
         return torque_fn._terms(pulleys, path)

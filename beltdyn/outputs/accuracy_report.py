@@ -132,11 +132,7 @@ class Accuracy:
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, quantity: str) -> QuantityError:
-        """Return the errors of a quantity.
-
-        Raises:
-            KeyError: There is none of that name.
-        """
+        """Return the errors of a quantity."""
         for one in self.errors:
             if one.quantity == quantity:
                 return one
@@ -335,14 +331,7 @@ class Running:
 
 
 def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
-    """Read motion and load of the belt off a run.
-
-    Args:
-        params: The drive.
-        t: Sample times (n_t,) [s].
-        arrays: ``beltdyn.outputs.selection.EVERY_RUN`` by name, n_t rows each.
-        end: Its last state, of whose speeds a run of one sample is taken to be.
-    """
+    """Read motion and load of the belt off a run."""
     radii = np.array([pulley.radius for pulley in params.pulleys])
     omega, torque, across = arrays["omega"], arrays["torque"], arrays["across"][:, 0]
     if t.size < 2:

@@ -80,14 +80,7 @@ def in_slip(law: Friction, kinetic: float, velocity: Array) -> Array | None:
 
 
 def full_friction(params: Params, touched: NDArray[np.int32], velocity: Array | None) -> Array:
-    """Return the friction coefficients of links in full slip; any value off the pulleys.
-
-    Args:
-        params: The drive.
-        touched: The pulley that each link touches, or -1 (..., n_b).
-        velocity: Slip velocities (..., n_b) [m/s]; None: not known, full slip is then that at high
-            speed.
-    """
+    """Return the friction coefficients of links in full slip; any value off the pulleys."""
     kinetic, _ = params._slip_limits
     full = kinetic[touched]
     for k in range(len(params.pulleys)):
@@ -122,14 +115,7 @@ def turns(begin: Array, end: Array) -> Array:
 
 
 def arcs_of(params: Params, belt: BeltHistory, contact: ContactHistory, centers: Array) -> Arcs:
-    """Find the arcs at every sample.
-
-    Args:
-        params: The drive.
-        belt: Where the links are.
-        contact: ``pulley``, ``normal``, ``mu``, ``velocity``.
-        centers: Axes of the pulleys (n_t, n_p, 2) [m], or (1, n_p, 2) where they stand still.
-    """
+    """Find the arcs at every sample."""
     n_t, n_b = contact.pulley.shape
     n_p = len(params.pulleys)
     wrap, slip, returning = (np.zeros((n_t, n_p)) for _ in range(3))

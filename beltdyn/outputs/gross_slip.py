@@ -51,16 +51,7 @@ def gross_slip(
     friction: Array,
     velocity: Array,
 ) -> GrossSlip | None:
-    """Find where pulleys slip over their whole wrap; None if none does.
-
-    Args:
-        params: The drive.
-        t: Times of the samples (n_t,) [s].
-        pulley: The pulley that each link touches, or -1 (n_t, n_b).
-        normal: Normal forces (n_t, n_b) [N].
-        friction: Friction forces (n_t, n_b) [N].
-        velocity: Slip velocities (n_t, n_b) [m/s].
-    """
+    """Find where pulleys slip over their whole wrap; None if none does."""
     kinetic, developed = params._slip_limits
     n_t, n_p = t.size, len(params.pulleys)
     bins = _bins(pulley, n_p)

@@ -496,17 +496,6 @@ def histories(
 
     "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Of a run
     that was asked for some outputs only, groups hold these.
-
-    Args:
-        t: Sample times (n_t,) [s].
-        arrays: ``_core.OUTPUTS`` by name, and "pulley", n_t rows each.
-        energy_terms: What the columns of "energy" are.
-        params: The drive.
-        names: The outputs asked for, as "joints.force"; None: all.
-
-    Raises:
-        KeyError, TypeError: The core has an output for which there is no group or no field, or the
-            other way round.
     """
     left_out, lacks = absent_groups(params), params._belt_facts["lacks"]
     columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in ROWS}

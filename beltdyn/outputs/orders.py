@@ -209,18 +209,6 @@ def lines_at(
 
     Not of a source whose harmonics are closer than the resolution, any line would be one of them;
     nor harmonics that the changes of speed in the window smear (:attr:`Source.sharp`).
-
-    Args:
-        found: Periodic sources.
-        frequency: Frequency of the line [Hz].
-        resolution: Resolution of the spectrum: noise bandwidth of Hann's window, 1.5 over its
-            length [Hz].
-        limit: Half the rate of sampling [Hz].
-
-    Returns:
-        As "crank x2"; "link passing x3, folded" of a frequency above the limit; "may be link
-        passing x1" where the window holds so few periods that other lines are as near (folded ones
-        only where nothing else is).
     """
     names = []
     for source in found:

@@ -90,12 +90,6 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
 
     Each is projected on the nearest span or wrap; where several are near, as where a belt crosses
     itself, on that to which the chords between the points lead.
-
-    Args:
-        params: The drive.
-        points: Points of the links, in their order (n_t, n_b, 2) [m].
-        lines: The line at every sample, or one for all.
-        centers: Axes then (n_t, n_p, 2), or (1, n_p, 2) [m].
     """
     radii = np.array([one.radius for one in params.pulleys])
     length = np.array([line.length for line in lines])[:, None]
@@ -261,18 +255,7 @@ def _moved(s: Array, parts: NDArray[np.intp], wraps: Array, now: Array) -> Array
 def follow(
     params: Params, force: Array, passed: Array, cell: int, at: int = -1
 ) -> tuple[NDArray[np.intp], Array]:
-    """Follow a mark on an ALE belt, which is in the middle of a cell at one sample.
-
-    Args:
-        params: The drive.
-        force: Force of the cells (n_t, n_b) [N].
-        passed: Stress-free length that has passed (n_t,) [m].
-        cell: The cell.
-        at: The sample.
-
-    Returns:
-        The cell in which it is (n_t,), and the part of that it has behind it (n_t,) [1].
-    """
+    """Follow a mark on an ALE belt, which is in the middle of a cell at one sample."""
     held = np.diff(cell_places(params)) / (1.0 + force / params.belt.axial_stiffness)
     length = held.sum(axis=1)  # stress-free, but for bends and sinking in
     ends = np.cumsum(held, axis=1)
@@ -285,13 +268,7 @@ def follow(
 
 
 def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
-    """Return the stress-free length of belt that passes in a second (n_t,) [m/s].
-
-    Args:
-        params: The drive.
-        belt: ``flow`` of an ALE belt, else ``phi``, ``vx``, ``vy``.
-        force: Force of the joints (n_t, n_b) [N].
-    """
+    """Return the stress-free length of belt that passes in a second (n_t,) [m/s]."""
     if params._belt_facts["flows"]:
         return belt.flow
     speed = (belt.vx * np.cos(belt.phi) + belt.vy * np.sin(belt.phi)).mean(axis=1)
@@ -305,13 +282,6 @@ def momentum_flux(
 
     ``m c (v_1 d_1 + v_2 d_2)`` with the flow c, the stress-free length that passes in a second, and
     the speeds v = c (1 + T / EA) of the spans beside a pulley, whose directions away from it are d.
-
-    Args:
-        params: The drive.
-        flow: Stress-free length that passes in a second (n_t,) [m/s].
-        force: Force of the joints (n_t, n_b) [N].
-        spans: Tensions of the spans (n_t, n_p) [N]; NaN: the mean of all joints is taken.
-        travel: Travels of the mounts (n_t, n_m), None: of a drive without.
     """
     stiffness = params.belt.axial_stiffness
     tension = np.where(np.isnan(spans), force.mean(axis=1)[:, None], spans)

@@ -61,18 +61,7 @@ def array_names() -> dict[str, tuple[str, ...]]:
 
 
 def chosen(outputs: object, ledger: bool, lacks: Collection[str] = ()) -> tuple[str, ...] | None:
-    """Check the outputs asked for and return their names in the order of the table; None: all.
-
-    Args:
-        outputs: Names of groups and arrays, or None.
-        ledger: Whether the run may carry the energy ledger.
-        lacks: What the belt has none of (:func:`lacking`).
-
-    Raises:
-        TypeError: Not a sequence of texts.
-        ValueError: There is no such output, or the belt has none; or "energy" is among them and
-            ``ledger`` is False.
-    """
+    """Check the outputs asked for and return their names in the order of the table; None: all."""
     if outputs is None:
         return None
     if isinstance(outputs, str):

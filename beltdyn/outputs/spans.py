@@ -34,14 +34,6 @@ def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Ar
     joint before it, and not where links have lifted off within a wrap. Those where a belt with
     bending stiffness runs off a pulley, EI / (2 r^2) below the middle of the span at most, are
     among them; :func:`mid_span` gives the middle.
-
-    Args:
-        touched: The pulley that each link touches, or -1 (n_t, n_b).
-        force: Force in the joint on the left of each link (n_t, n_b) [N].
-        n_pulleys: Number of pulleys, n_p.
-
-    Returns:
-        NaN where a span has no such joint.
     """
     return _core.span_tension(np.asarray(touched, dtype=np.int32), force, n_pulleys)
 
@@ -101,14 +93,7 @@ def of_spans(params: Params, force: Array) -> Array:
 def lines_of_cells(
     params: Params, points: Array, axes: Array, deflection: Array | None
 ) -> list[Array]:
-    """Return the line of each cell of an ALE belt: arcs on pulleys, sine modes in spans [m].
-
-    Args:
-        params: The drive.
-        points: Where the cells begin (n_b, 2) [m].
-        axes: Axes of the pulleys (n_p, 2) [m].
-        deflection: Amplitudes of the sine modes (n_p, K) [m]; None: not known, spans are straight.
-    """
+    """Return the line of each cell of an ALE belt: arcs on pulleys, sine modes in spans [m]."""
     ends, found, span = np.roll(points, -1, axis=0), [], 0
     share = np.linspace(0.0, 1.0, _POINTS)[:, None]
     for begin, end, k in zip(points, ends, params._cells, strict=True):
@@ -135,15 +120,6 @@ def mid_span(params: Params, belt: Line, force: Array) -> Array:
 
     Of the places where the belt crosses the plane through the middle of the span's tangent, across
     it, the nearest counts.
-
-    Args:
-        params: The drive; the tangents are those of ``params.route``.
-        belt: Coordinates of the links at the samples.
-        force: Force in the joint on the left of each link (n_t, n_b) [N].
-
-    Returns:
-        NaN where the belt does not cross the plane; of a drive with one pulley the mean of all
-        joints.
     """
     n_p = len(params.pulleys)
     if params._belt_facts["flows"]:

@@ -121,14 +121,7 @@ def _on(params: Params, pulley: int) -> Contact:
 
 
 def squeals(params: Params, t: Array, pulley: NDArray[np.int32], mu: Array) -> Iterator[Squeal]:
-    """Find pulleys on which vibrations grow by e or more in the course of a run.
-
-    Args:
-        params: The drive.
-        t: Times of the samples (n_t,) [s].
-        pulley: The pulley that each cell touches, or -1 (n_t, n_b).
-        mu: Coefficients of friction in use (n_t, n_b).
-    """
+    """Find pulleys on which vibrations grow by e or more in the course of a run."""
     lasts, density = durations(t), params.belt.linear_density
     for k in range(len(params.pulleys)):
         contact, on = _on(params, k), pulley == k

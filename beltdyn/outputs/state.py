@@ -78,21 +78,7 @@ def saved_shape(size: str, value: Any) -> tuple[int, ...]:
 
 
 def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
-    """Check the speeds of pulleys that a belt runs with; return them and the speed of their rims.
-
-    Args:
-        name: Their name in messages.
-        params: The drive.
-        omega: Speeds of one or several pulleys, by index or name [rad/s].
-
-    Returns:
-        The speeds by index, and that of the belt on the first rim, positive in the order of its
-        links [m/s].
-
-    Raises:
-        TypeError: Not a mapping from pulleys to numbers.
-        ValueError: No pulley is named, or there is no such one; the rims' speeds differ.
-    """
+    """Check speeds of pulleys that a belt runs with; return them and the speed of their rims."""
     if not isinstance(omega, Mapping):
         raise TypeError(f"{name} must be a mapping from pulleys to speeds, got {omega!r}")
     if not omega:

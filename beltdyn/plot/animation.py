@@ -262,12 +262,7 @@ class _FFMpeg(FFMpegWriter):
 
 
 def film_writer(path: str | os.PathLike[str], fps: float = 20.0) -> AbstractMovieWriter:
-    """Return matplotlib's writer for an animation with this ending.
-
-    Raises:
-        ValueError: The ending is none of :data:`ENDINGS`.
-        ImportError: A package it needs is not installed.
-    """
+    """Return matplotlib's writer for an animation with this ending."""
     ending = Path(path).suffix[1:].lower()
     if ending not in ENDINGS:
         raise ValueError(f"the ending of {os.fspath(path)} must be one of {', '.join(ENDINGS)}")

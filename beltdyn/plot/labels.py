@@ -49,16 +49,6 @@ def place_names(
     another text, and nearest of such places; one of radius 0, a length beside a short span, is left
     out where there is none. It keeps its distance in points, so the names of
     pulleys that move go with them.
-
-    Args:
-        ax: Axes, with their limits set.
-        names: A text per pulley (n_p,), in data coordinates.
-        centers: Centres of the pulleys (n_p, 2) [m].
-        radii: (n_p,) [m].
-        belt: Points along the belt, closed (n, 2) [m].
-        marks: Where names leave room for marks on the pulleys: -1 below the middle, 1 above it.
-        fixed: Texts that are not moved.
-        pivots: Points not to cover (n, 2) [m].
     """
     style.settle_layout(ax)
     figure = ax.figure.figure
@@ -111,12 +101,6 @@ def rows_of_names(ax: Axes, middles: Array, names: Sequence[str], *, inside: boo
 
     Names that would run into one another stand in up to :data:`_ROWS` rows, above the axes with
     lines down to their places; upright if these do not do.
-
-    Args:
-        ax: Axes, with their limits along x set.
-        middles: Places (n,), in data coordinates.
-        names: (n,).
-        inside: Whether to write them into the axes, which get headroom for them, not above.
     """
     style.settle_layout(ax)
     to_points = 72.0 / ax.figure.figure.dpi

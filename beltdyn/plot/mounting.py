@@ -38,12 +38,7 @@ def _drawn(pulleys: Iterable[Pulley]) -> list[tuple[int, str, Array]]:
 
 
 class MountPicture:
-    """The artists of the mounts of a drive: fixed parts are drawn once, arms are moved.
-
-    Args:
-        ax: Where to draw.
-        pulleys: The pulleys of the drive.
-    """
+    """The artists of the mounts of a drive: fixed parts are drawn once, arms are moved."""
 
     def __init__(self, ax: Axes, pulleys: Sequence[Pulley]) -> None:
         self._bars: list[tuple[int, Array, Any]] = []

@@ -43,20 +43,7 @@ _TURNS = 1e-3
 
 
 class DrivePicture:
-    """The artists of a drive.
-
-    Args:
-        result: A run with at least one sample.
-        rows: Samples it will be moved to; axes, colours and legend fit all of them.
-        colour: "tension", "friction" or None.
-        arcs: Whether to mark where the belt sticks and slips.
-        slip_from: A link counts as slipping from this share of full friction on.
-        links: Links to highlight, by name.
-        limits: Ends of the colour scale; None: chosen.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
-    """
+    """The artists of a drive."""
 
     def __init__(
         self,

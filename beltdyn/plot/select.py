@@ -27,12 +27,7 @@ Pulleys = int | str | Sequence[int | str]
 
 
 def with_samples(result: object) -> Result:
-    """Check that this is a result with samples.
-
-    Raises:
-        TypeError: Not a result.
-        ValueError: It holds no samples.
-    """
+    """Check that this is a result with samples."""
     if not isinstance(result, Result):
         raise TypeError(f"result must be a Result, got {type(result).__name__}")
     if result.t.size == 0:
@@ -41,12 +36,7 @@ def with_samples(result: object) -> Result:
 
 
 def sample(result: Result, t: float | None) -> int:
-    """Find the sample nearest to a time; the last one for None.
-
-    Raises:
-        TypeError: Not a time.
-        ValueError: More than a sample's distance outside the samples.
-    """
+    """Find the sample nearest to a time; the last one for None."""
     times = result.t
     if t is None:
         return times.size - 1
@@ -60,12 +50,7 @@ def sample(result: Result, t: float | None) -> int:
 
 
 def indices(name: str, value: object, count: int) -> list[int]:
-    """Check one index or a sequence of them, from 0 to ``count`` - 1.
-
-    Raises:
-        TypeError: Not integers.
-        ValueError: Out of range, or none at all.
-    """
+    """Check one index or a sequence of them, from 0 to ``count`` - 1."""
     if isinstance(value, str) or not isinstance(value, Iterable):
         return [integer(name, value, 0, count - 1)]
     found = [integer(f"{name}[{k}]", one, 0, count - 1) for k, one in enumerate(value)]
@@ -75,12 +60,7 @@ def indices(name: str, value: object, count: int) -> list[int]:
 
 
 def pulley_indices(value: object, names: Sequence[str]) -> list[int]:
-    """Check one pulley or a sequence of them, by name or index; all for None.
-
-    Raises:
-        TypeError: Neither names nor integers.
-        ValueError: There is no such pulley, or none at all.
-    """
+    """Check one pulley or a sequence of them, by name or index; all for None."""
     if value is None:
         return list(range(len(names)))
 
@@ -95,12 +75,7 @@ def pulley_indices(value: object, names: Sequence[str]) -> list[int]:
 
 
 def named_links(links: Indices | Mapping[str, int] | None, count: int) -> dict[str, int]:
-    """Check links to highlight, with names or not.
-
-    Raises:
-        TypeError: Not integers.
-        ValueError: Out of range, or an empty sequence.
-    """
+    """Check links to highlight, with names or not."""
     if links is None:
         return {}
     if isinstance(links, Mapping):
@@ -111,11 +86,7 @@ def named_links(links: Indices | Mapping[str, int] | None, count: int) -> dict[s
 
 
 def choice(name: str, value: object, options: Sequence[str | None]) -> None:
-    """Check an option against those allowed.
-
-    Raises:
-        ValueError: Not one of ``options``.
-    """
+    """Check an option against those allowed."""
     if not (value is None or isinstance(value, str)) or value not in options:
         words = ", ".join(repr(option) for option in options)
         raise ValueError(f"{name} must be one of {words}, got {reprlib.repr(value)}")

@@ -93,11 +93,7 @@ def title(k: int, pulley: Pulley) -> str:
 
 
 def axes(ax: Axes | None, height: float = 4.0) -> Axes:
-    """Return the axes to draw into, those of a new figure of this height [inch] for None.
-
-    Raises:
-        TypeError: Not axes.
-    """
+    """Return the axes to draw into, those of a new figure of this height [inch] for None."""
     if ax is None:
         return new_figure(height=height).add_subplot()
     if not isinstance(ax, Axes):
@@ -106,13 +102,7 @@ def axes(ax: Axes | None, height: float = 4.0) -> Axes:
 
 
 def height_to_scale(extent: Array, beside: float, below: float) -> float:
-    """Return the height [inch] of a figure of 6.4 inches that a picture to scale fills.
-
-    Args:
-        extent: Width and height of what is drawn, in one unit.
-        beside: Width [inch] taken by what stands beside the axes.
-        below: Height [inch] taken by what stands above and below them.
-    """
+    """Return the height [inch] of a figure of 6.4 inches that a picture to scale fills."""
     return float(np.clip((6.4 - beside) * extent[1] / extent[0] + below, 2.4, 5.2))
 
 

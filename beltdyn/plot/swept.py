@@ -49,13 +49,7 @@ _OF_RUNS = ("status", "message", "warnings")
 
 
 def check(dataset: object, quantity: object) -> Any:
-    """Check a sweep and the name of a quantity in it; return the quantity's array.
-
-    Raises:
-        TypeError: No Dataset, no name.
-        ValueError: No sweep; there is no such quantity of numbers.
-        ImportError: xarray is not installed.
-    """
+    """Check a sweep and the name of a quantity in it; return the quantity's array."""
     xarray = optional_module("xarray", "pictures of sweeps", "sweep")
     if not isinstance(dataset, xarray.Dataset):
         raise TypeError(f"dataset must be the xarray.Dataset of bd.sweep, got {shown(dataset)}")
@@ -91,17 +85,7 @@ def own_names(dataset: Any, array: Any) -> list[str]:
 
 
 def choose(dataset: Any, quantity: str, at: object) -> tuple[Any, str]:
-    """Return the part of a sweep at some values, with this quantity alone, and these as a text.
-
-    Args:
-        dataset: That has been checked.
-        quantity: The quantity to keep.
-        at: Values by the name of a dimension, or None. Of "time" the nearest sample is taken.
-
-    Raises:
-        TypeError: Not a dict.
-        ValueError: There is no such dimension or value.
-    """
+    """Return the part of a sweep at some values, with this quantity alone, and these as a text."""
     part = dataset[[quantity, "status"]]
     if at is None:
         return part.compute(), ""
@@ -268,13 +252,7 @@ def _geometric(values: Array) -> bool:
 
 
 def failures(part: Any, quantity: str) -> dict[str, tuple[Any, str]]:
-    """Find the runs without a value: by status where they are, and a text that counts them.
-
-    Returns:
-        DataArrays of bool over the dimensions of the quantity. "finished" are those that have no
-        value although they finished, such as the tension of a span that has no joint; "infinite"
-        those whose value is, such as the margin of a pulley that no load makes slip.
-    """
+    """Find the runs without a value: by status where they are, and a text that counts them."""
     status, array = part["status"], part[quantity]
     found = {}
     absent = array.isnull()

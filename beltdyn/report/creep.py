@@ -59,10 +59,6 @@ def driving(window: Window, torque: Array | None) -> int | None:
 
     By the torques that are set; where none puts power in, as when a drive runs down, or none is
     known, by those of the belt.
-
-    Args:
-        window: The part of the run.
-        torque: Torques of the belt on the pulleys (n_w, n_p) [N m]; None: not known.
     """
     run = window.run
     if not run._has("pulleys.omega"):

@@ -60,13 +60,7 @@ class Counted(NamedTuple):
 
 
 def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
-    """Count the cycles of a joint over the last round of the belt or, if longer, the window.
-
-    Args:
-        window: The part of the run.
-        driver: The driving pulley, whose rim measures how far the belt has gone.
-        joint: The joint; of cells the belt that is in the middle of this one at the end.
-    """
+    """Count the cycles of a joint over the last round of the belt or, if longer, the window."""
     run, flows = window.run, window.params._belt_facts["flows"]
     for name in ("joints.force", *(("belt.passed",) if flows else ())):
         if not run._has(name):

@@ -102,15 +102,7 @@ def placed(
     ends: Spread | None = None,
     size: float | None = None,
 ) -> tuple[str, str, str]:
-    """Return mean, least and most, all rounded to the place that the error allows.
-
-    Args:
-        value: The quantity.
-        share: The error over the size [1]; None: not known.
-        scale: Factor of all of it.
-        ends: Least and most, if others than its own.
-        size: What errs by that share, in the unit of the value; None: the largest of the three.
-    """
+    """Return mean, least and most, all rounded to the place that the error allows."""
     if value is None:
         return NONE, NONE, NONE
     ends = ends or value
@@ -286,13 +278,7 @@ def power(report: ReportData, value: Spread | None) -> str:
 
 
 def loss(report: ReportData, power: float, value: float | None = None) -> str:
-    """Return a power loss, total or by one cause; its error is at most the loss.
-
-    Args:
-        report: The report.
-        power: The loss [W].
-        value: Number to print instead, a share of the input power.
-    """
+    """Return a power loss, total or by one cause; its error is at most the loss."""
     put_in = sum(one.power for one in report.powers if one.kind == "in")
     value = power if value is None else value
     share = report.efficiency_error

@@ -41,10 +41,6 @@ def hub_statics(window: Window) -> Array | None:
     line, at every sample, and the weight of that belt. The forces of contact, ``pulleys.load``,
     come to the same mean as links get shorter; but with every link that lands or leaves they swing
     by what is of the mesh, the more the fewer links there are.
-
-    Returns:
-        (n_w, n_p, 2) [N]; NaN of pulleys beside a span in the middle of which there is no belt.
-        None: outputs are missing, travels of mounts among them, or there is one pulley.
     """
     params = window.params
     tension = middles(window)

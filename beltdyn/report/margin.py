@@ -125,11 +125,7 @@ class _Theory:
         return float(self.steady.speed * self.stretch_in / (1.0 + arriving / self.stiffness))
 
     def tensions(self, last: float, factor: float) -> tuple[Array, float]:
-        """Return the tensions of all spans from that of the last one, and the belt's speed.
-
-        Raises:
-            ValueError: A span would be slack.
-        """
+        """Return the tensions of all spans from that of the last one, and the belt's speed."""
         speed = self.steady.speed
         steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
         for _ in range(3):  # the speed changes by strains alone
@@ -187,11 +183,7 @@ class _Theory:
         return force
 
     def slip_angles(self, pull: Array) -> Array:
-        """Return the angle of slip that each pulley needs; infinite where it has no friction.
-
-        Raises:
-            ValueError: A span is slack.
-        """
+        """Return the angle of slip that each pulley needs; infinite where it has no friction."""
         if (pull <= 0.0).any():
             raise ValueError("a span would be slack")
         logs = np.abs(np.log(pull / pull[self.before]))
@@ -219,11 +211,7 @@ class _Theory:
         return float(np.sum(sticking + slip * (inside @ (0.5 * _WEIGHT))))
 
     def solve(self, factor: float, start: Array) -> Array:
-        """Return the unknowns at a factor, by Newton's method with differences.
-
-        Raises:
-            ValueError: There is no such state: a span would be slack, the belt off a pulley.
-        """
+        """Return the unknowns at a factor, by Newton's method with differences."""
         unknown = np.array(start)
         unknown[0] = max(unknown[0], self._tightest(factor))
         sizes = np.concatenate([[self.steady.tension.mean()], np.full(len(self.free), 1e-2)])
@@ -276,22 +264,7 @@ class _State:
 def full_slip(
     steady: Steady, pulleys: Sequence[int] | None = None, alone: bool = False
 ) -> list[FullSlip | None]:
-    """Find the torque at which each pulley slips in full, as if no other slipped before.
-
-    Args:
-        steady: The mean state.
-        pulleys: Those that are asked for; None: all.
-        alone: Whether only the torque of that pulley grows, which the driving one makes up for:
-            then the factor is that at which the first of all pulleys slips, mostly one of the two.
-            Else all torques grow in proportion.
-
-    Returns:
-        For each pulley that is asked for; None without friction on it. An infinite factor: others
-        slip long before, a span that is not its own goes slack first, or the factor is above 100.
-
-    Raises:
-        ValueError: The mean state is none of a tight, turning belt.
-    """
+    """Find the torque at which each pulley slips in full, as if no other slipped before."""
     asked = range(len(steady.params.pulleys)) if pulleys is None else pulleys
     if alone:
         return [_alone(_Theory(steady, k), k) for k in asked]

@@ -30,13 +30,7 @@ _FORCES = {
 def mount_rows(
     window: Window, statics: Array | None, passing: float
 ) -> tuple[list[MountRow], list[str]]:
-    """Return the rows, and what is missing in them.
-
-    Args:
-        window: The part of the run.
-        statics: Force of the belt on each pulley (n_w, n_p, 2) [N], if known.
-        passing: The time in which a link passes [s], over which its pull is averaged.
-    """
+    """Return the rows, and what is missing in them."""
     params, run = window.params, window.run
     mounts = run.mounts
     if mounts is None:

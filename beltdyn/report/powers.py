@@ -41,11 +41,6 @@ def power_rows(
 
     Axes that follow a path put power in or take it off as pulleys do. Dry friction of mounts stores
     what bends its bristles, F^2 / (2 k): that is stored, not lost.
-
-    Returns:
-        Rows whose sizes add up: what is put in is the sum of all others. Efficiency: the part that
-        is not lost; None if nothing is put in, or what is stored changes. The error of what is
-        lost over what is put in; None if nothing is.
     """
     run, names = window.run, window.params.pulley_names
     if not run._has("energy"):

@@ -36,14 +36,7 @@ def spread(window: Window, samples: Array, passing: float = 0.0) -> Spread | Non
 def pulley_rows(
     window: Window, touching: Touching | None, driver: int | None, margins: bool = True
 ) -> tuple[list[PulleyRow], list[str]]:
-    """Return the rows, and what is missing in them.
-
-    Args:
-        window: The part of the run.
-        touching: Contact and friction in it, if known.
-        driver: The driving pulley, if the belt turns.
-        margins: Whether to look for margins to slip.
-    """
+    """Return the rows, and what is missing in them."""
     params, run = window.params, window.run
     rows = [PulleyRow(name=name, prescribed=name in run.prescribed) for name in params.pulley_names]
     notes: list[str] = []

@@ -63,15 +63,7 @@ def slip_rows(
     rows: list[PulleyRow],
     margins: bool = True,
 ) -> tuple[list[PulleyRow], list[str]]:
-    """Add ratios of tensions, friction in use and margins; say what is missing.
-
-    Args:
-        window: The part of the run.
-        touching: Contact and friction in it.
-        driver: The driving pulley, if the belt turns.
-        rows: Rows of the pulleys.
-        margins: Whether to look for margins as well.
-    """
+    """Add ratios of tensions, friction in use and margins; say what is missing."""
     spans = window.spans()
     way = window.route()
     if spans is None or spans.shape[1] < 2 or way is None:

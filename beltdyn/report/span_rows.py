@@ -42,10 +42,6 @@ def dominant(t: Array, values: Array) -> Line | None:
 
     Amplitude spectrum with Hann's window, the mean and the linear trend taken off; its frequency
     from the three largest values (parabola through their logarithms).
-
-    Args:
-        t: Times (n,) [s], even.
-        values: Samples (n,).
     """
     n = t.size
     if n < 2 * (LEAST + 2):
@@ -80,17 +76,7 @@ def dominant(t: Array, values: Array) -> Line | None:
 
 
 def moving_string(tension: float, density: float, length: float, speed: float) -> float:
-    """Return the first frequency of a string that moves along itself, (c^2 - v^2) / (2 l c) [Hz].
-
-    Args:
-        tension: T [N], > 0.
-        density: Mass per length of the stretched string [kg/m].
-        length: l [m].
-        speed: v [m/s].
-
-    Returns:
-        0 from the speed of the wave c = sqrt(T / density) on.
-    """
+    """Return the first frequency of a moving string, (c^2 - v^2) / (2 l c) [Hz]; 0 from v = c on."""
     wave = float(np.sqrt(tension / density))
     return max(0.0, (wave**2 - speed**2) / (2.0 * length * wave))
 

@@ -113,11 +113,7 @@ class Window:
 
     @classmethod
     def last(cls, run: Run, share: float) -> Window:
-        """Take the samples of this share of the run's time, counted from its end.
-
-        Raises:
-            ValueError: Not two samples at different times are there.
-        """
+        """Take the samples of this share of the run's time, counted from its end."""
         t = run.t
         if t.size < 2 or not t[-1] > t[0]:
             raise ValueError(

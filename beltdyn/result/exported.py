@@ -31,12 +31,7 @@ RESULTS: Mapping[str, tuple[tuple[str, ...], str]] = {
 
 
 def check_ending(path: str | os.PathLike[str], endings: Iterable[str] = tuple(RESULTS)) -> str:
-    """Return the ending, in lower case, that sets the format of a file; without one, the first.
-
-    Raises:
-        ValueError: There is no such kind; the message lists those that there are.
-        ImportError: A package that it needs is not installed.
-    """
+    """Return the ending, in lower case, that sets the format of a file; without one, the first."""
     known = tuple(endings)
     name = Path(path).name  # ".csv" has no suffix
     ending = Path("a" + name).suffix.lower() or known[0]
@@ -57,19 +52,7 @@ def write(
     params: Params,
     dataset: Callable[[], Any],
 ) -> None:
-    """Write a result for another program; see :meth:`beltdyn.Result.save`.
-
-    Args:
-        path: Where to.
-        ending: Kind of file, of :data:`RESULTS`.
-        t: Sample times (n_t,) [s].
-        arrays: Histories (n_t, ...) by name.
-        params: The drive.
-        dataset: Returns the same as an ``xarray.Dataset``.
-
-    Raises:
-        OSError: It cannot be written; a file that was there before is unchanged.
-    """
+    """Write a result for another program; see :meth:`beltdyn.Result.save`."""
     if ending == ".nc":
         write_netcdf(dataset(), path)
         return
@@ -108,11 +91,7 @@ def _write_csv(
 
 
 def write_netcdf(dataset: Any, path: str | os.PathLike[str]) -> None:
-    """Write an ``xarray.Dataset`` as a netCDF file, in one step.
-
-    Raises:
-        OSError: It cannot be written; a file that was there before is unchanged.
-    """
+    """Write an ``xarray.Dataset`` as a netCDF file, in one step."""
     with files.replacing(path) as temporary:
         try:
             dataset.to_netcdf(temporary, engine="netcdf4")

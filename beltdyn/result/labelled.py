@@ -108,17 +108,7 @@ def dataset(
     params: Params,
     attributes: Mapping[str, str],
 ) -> Any:
-    """Return an ``xarray.Dataset``; see :meth:`beltdyn.Result.to_xarray`.
-
-    Args:
-        t: Sample times (n_t,) [s].
-        arrays: Histories (n_t, ...) by name.
-        params: The drive, for names.
-        attributes: Texts of the whole.
-
-    Raises:
-        ImportError: xarray is not installed.
-    """
+    """Return an ``xarray.Dataset``; see :meth:`beltdyn.Result.to_xarray`."""
     xarray = optional_module("xarray", "to_xarray", "sweep")
     rows = described()
     variables: dict[str, Any] = {}

@@ -53,11 +53,7 @@ _SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
 
 
 def scipy_sparse() -> tuple[Any, Any]:
-    """Return scipy.sparse and scipy.sparse.linalg.
-
-    Raises:
-        ImportError: SciPy is not installed; the message says what to install.
-    """
+    """Return scipy.sparse and scipy.sparse.linalg."""
     user = "modes and frequency responses"
     return scipy_module("sparse", user), scipy_module("sparse.linalg", user)
 
@@ -155,16 +151,7 @@ def linearise(
     *,
     places: bool = True,
 ) -> Linear:
-    """Linearise a drive.
-
-    Args:
-        params: The drive.
-        state: Where; at rest or running.
-        torque_slopes: Derivatives of the set torques by angles and by speeds, (n_p, n_p) each, row
-            the pulley on which the torque acts [N m, N m s].
-        prescribed: Pulleys whose motion is prescribed.
-        places: Whether a running belt is seen in places fixed in space, else with its links.
-    """
+    """Linearise a drive."""
     sparse, _ = scipy_sparse()
     core = state._to_core(params)
     jacobian, names, index = _jacobian(params, core, sparse)

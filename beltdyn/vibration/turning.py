@@ -94,10 +94,6 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
     With M the masses and t the turning, K - k (M t)(M t)^T / (t^T M t) has a free turning for the k
     that is given, 1 over the static displacement along t by a force M t / (t^T M t), less what set
     torques make of it: J + k ``by`` ``on``^T is the drive without.
-
-    Returns:
-        ``by`` (size,), ``on`` (size,), and k [1/s^2]; None where friction creeps under such a
-        force, so that there is no static displacement.
     """
     sparse, linalg = scipy_sparse()
     turn = rigid_turning(linear)
