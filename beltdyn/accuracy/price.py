@@ -46,17 +46,7 @@ _MARKERS = "osD^v<>p"
 def price(
     study: Priced, quantity: str = "tension", *, error: float = 1e-2, fig: Figure | None = None
 ) -> Figure:
-    """Draw a study: cost of errors and of meshes, and errors in space and time compared.
-
-    Args:
-        study: From ``bd.accuracy.study``.
-        quantity: Quantity whose errors are shown.
-        error: The error for which the cheapest run is marked.
-        fig: Figure to draw into; None: a new one.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
-    """
+    """Draw a study: cost of errors and of meshes, and errors in space and time compared."""
     figure = style.new_figure(11.0, 9.0, dpi=120) if fig is None else fig
     (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
     work_precision(study, quantity, ax=top_left).set_title("Cost of an error, by method")

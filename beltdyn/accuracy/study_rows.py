@@ -16,11 +16,7 @@ Errors = Mapping[str, float]
 
 
 def quantity_of(name: object) -> str:
-    """Check the name of a quantity.
-
-    Raises:
-        TypeError, ValueError: It is none of :data:`QUANTITIES`.
-    """
+    """Check the name of a quantity."""
     return one_of("quantity", name, QUANTITIES)
 
 

@@ -69,12 +69,7 @@ def interruptible() -> Iterator[None]:
 
 @contextmanager
 def reported(access: str = "read", kept: str = "") -> Iterator[None]:
-    """Stop with one line, and the exit code of its kind, at what a scene or its run may raise.
-
-    Args:
-        access: What could not be done to a file, if that is what failed.
-        kept: What an interruption leaves, added to its line.
-    """
+    """Stop with one line, and the exit code of its kind, at what a scene or its run may raise."""
     try:
         yield
     except OSError as error:

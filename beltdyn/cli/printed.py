@@ -42,14 +42,7 @@ def running(
     drive: Callable[[], Params] | None,
     scene: HardScene | None = None,
 ) -> Iterator[None]:
-    """Make a run interruptible; if it does not finish, write its results so far and stop.
-
-    Args:
-        outputs: The files that were asked for.
-        checkpoint: The file it is written to as it goes, with which it can go on.
-        drive: Returns the drive, whose warnings are told where there is no result.
-        scene: The hard scene that is run; an error in which it must end is no failure.
-    """
+    """Make a run interruptible; if it does not finish, write its results so far and stop."""
     try:
         with interruptible(), silenced():
             yield
@@ -99,16 +92,7 @@ def _print_accuracy(report: Accuracy) -> None:
 def print_result(
     scene: str, result: Result, last: float, written: str, *, full: bool, verbose: bool
 ) -> None:
-    """Print what was written, how the run went, and the report of its last part.
-
-    Args:
-        scene: What was run.
-        result: The run.
-        last: The share of it, from its end, that the report is of.
-        written: The line that lists the files.
-        full: Whether to print the summary and all of the report; else one screen.
-        verbose: Whether to print the summary with what the integrator did.
-    """
+    """Print what was written, how the run went, and the report of its last part."""
     report = None
     try:
         report = result.report(last)

@@ -53,20 +53,7 @@ def _holds_none(name: str, mount: Sprung, force: float, resisted: float) -> str:
 def tension_held(
     pulleys: tuple[Pulley, ...], gravity: tuple[float, float], bending: float = 0.0
 ) -> float | None:
-    """Return the tension at which springs and weights are in balance in the places of the drive.
-
-    Args:
-        pulleys: The pulleys of a drive.
-        gravity: Acceleration (x, y) [m/s^2].
-        bending: Bending stiffness of the belt [N m^2].
-
-    Returns:
-        Tension [N]; None if no arm and no slider is there to hold one.
-
-    Raises:
-        ValueError: A mount pushes its pulley away from the belt, or several ask for different
-            tensions; as :func:`route`.
-    """
+    """Return the tension at which springs and weights are in balance in the places of the drive."""
     names = names_of(pulley.name for pulley in pulleys)
     held: dict[int, float] = {}
     for k, mount, weights, pull_at in _balances(pulleys, gravity, bending):
@@ -126,16 +113,7 @@ def _balances(
 def preloaded(
     pulleys: tuple[Pulley, ...], gravity: tuple[float, float], bending: float = 0.0
 ) -> tuple[Pulley, ...]:
-    """Return the pulleys with a preload for each mount that has a ``tension`` in its place.
-
-    Args:
-        pulleys: The pulleys of a drive.
-        gravity: Acceleration (x, y) [m/s^2].
-        bending: Bending stiffness of the belt [N m^2].
-
-    Raises:
-        ValueError: The belt cannot pull at such a mount; as :func:`route`.
-    """
+    """Return the pulleys with a preload for each mount that has a ``tension`` in its place."""
     if all(getattr(pulley.mount, "tension", None) is None for pulley in pulleys):
         return pulleys
     found = list(pulleys)

@@ -126,18 +126,7 @@ def _work(params: Drive, rtol: float) -> float:
 
 
 def cheaper(params: Drive, explicit: float, implicit: float, rtol: float, time: float) -> float:
-    """Estimate the speed-up of an ALE belt over a run of links, from the steps of the run.
-
-    Args:
-        params: The drive of links.
-        explicit: Explicit steps of the run.
-        implicit: Implicit ones.
-        rtol: Error asked for.
-        time: Length of the run [s].
-
-    Returns:
-        How many times [1]; 0 below ``CHEAPER``, and of short runs.
-    """
+    """Estimate the speed-up of an ALE belt over a run of links, from the steps of the run."""
     spent = params.info["n_bodies"] * (explicit + params._belt_facts["implicit_cost"] * implicit)
     times = spent / (_work(params, rtol) * time)
     return times if spent > WORTH and times > CHEAPER else 0.0
@@ -179,10 +168,6 @@ def errors(params: Drive, pull: float) -> dict[str, float]:
 
     At rest there is none. Under load friction is linear within a cell, of second order. Where
     belt with bending stiffness runs on and off cells are to be told from sqrt(EI/T).
-
-    Args:
-        params: The drive.
-        pull: Largest difference of the tensions on two sides of a pulley [N].
     """
     cells, off = _on_arcs(params), reach(params)
     load = abs(pull) / float(params.info["strain_tension"])
@@ -220,10 +205,6 @@ def modes_off(share: float, modes: int) -> Array:
 
     a_n'' + 2 b sum G_nr a_r' + (n pi)^2 (1 - b^2) a_n = 0 with G_nr = 4 n r / (n^2 - r^2) for odd
     n + r, against n pi (1 - b^2).
-
-    Args:
-        share: Speed of the belt over that of waves, b.
-        modes: Number of them.
     """
     n = np.arange(1, modes + 1)
     apart = np.where((n[:, None] + n) % 2 == 1, n[:, None] ** 2 - n**2, np.inf)
@@ -276,14 +257,7 @@ def limits(params: Drive) -> Iterator[RunWarning]:
 def seen(
     params: Drive, tension: Array | None, flow: Array | None, deflection: Array | None
 ) -> Iterator[tuple[str, str, int, int]]:
-    """Return where a run came near the limits of an ALE belt: code, text, sample, span.
-
-    Args:
-        params: The drive.
-        tension: Tension of the spans (n_t, n_p) [N]; None: not kept, as the next two.
-        flow: Stress-free length that passes in a second (n_t,) [m/s].
-        deflection: Amplitudes of sine modes (n_t, n_p, K) [m].
-    """
+    """Return where a run came near the limits of an ALE belt: code, text, sample, span."""
     rest, belt = float(params.info["strain_tension"]), params.belt
     if tension is not None:
         speed = 0.0 if flow is None else flow[:, None]

@@ -124,14 +124,6 @@ def complete(contact: Contact, belt: Belt, pulleys: tuple[Pulley, ...]) -> Conta
     what the belt stretches: creep and tension are right to 1 % (the stiffness of a belt is known to
     2 % at best), and the belt sinks in by less than 0.1 % of a radius up to strains of 10 %.
     ``damping`` is half of critical, sqrt(c2' rho A). Neither depends on the mesh.
-
-    Args:
-        contact: As given, with numbers or without.
-        belt: The belt.
-        pulleys: The pulleys.
-
-    Returns:
-        The contact itself if it leaves nothing open.
     """
     if contact.linear is not None and contact.damping is not None:
         return contact
@@ -169,14 +161,7 @@ def depth_under(params: Drive, pressure: Array) -> Array:
 
 
 def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) -> Array:
-    """Return the radius [m] on which belt runs under a tension [N].
-
-    Args:
-        params: The drive.
-        radius: Radius of the pulley [m].
-        tension: Tension of the belt there [N].
-        flow: Stress-free length that passes in a second [m/s].
-    """
+    """Return the radius [m] on which belt runs under a tension [N]."""
     belt, raised = params.belt, 0.0 * radius
     stretch = 1.0 + tension / belt.axial_stiffness
     pull = tension * stretch - belt.linear_density * (flow * stretch) ** 2
@@ -187,21 +172,7 @@ def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) ->
 
 
 def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0.0) -> Compliance:
-    """Return the depth to which the belt sinks into its pulleys, and its effects.
-
-    Args:
-        params: The drive.
-        tension: Tension of the span that follows each pulley (n_p,) [N], such as the mean of
-            ``result.span_tension`` over a steady part; None: at rest, the same all round.
-        speed: Speed of the belt [m/s], positive in the order of its links.
-
-    Returns:
-        Depths, running radii, and what they change against pulleys that do not yield.
-
-    Raises:
-        ValueError: Not one tension per pulley, or one that is negative or not finite; or the
-            contact is so soft that it leaves no tension at rest.
-    """
+    """Return the depth to which the belt sinks into its pulleys, and its effects."""
     belt, info, radii = params.belt, params.info, _radii(params)
     rest = np.full((radii.size, 2), float(info["strain_tension"]))
     if tension is None:
@@ -245,22 +216,7 @@ def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0
 def compliance_error(
     params: Drive, tension: ArrayLike | None = None, speed: float = 0.0
 ) -> dict[str, float]:
-    """Estimate the errors that a yielding contact makes, against pulleys that do not yield.
-
-    Args:
-        params: The drive.
-        tension: As of :func:`compliance`.
-        speed: The same.
-
-    Returns:
-        Relative errors by quantity: "tension" and "span_mean" of the mean tension, by what sinking
-        in takes off it and by the shorter arm on which the torque acts; "speed" of the pulleys;
-        "creep" of the largest creep, at least 0.1 %; "friction" of the friction force on a pulley,
-        by the arm; "power" of the largest power at a pulley.
-
-    Raises:
-        ValueError: As of :func:`compliance`.
-    """
+    """Estimate the errors that a yielding contact makes, against pulleys that do not yield."""
     found = compliance(params, tension, speed)
     radii = _radii(params)
     arrives = 0 if speed >= 0.0 else 1

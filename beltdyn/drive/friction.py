@@ -142,10 +142,6 @@ class Friction(Printable):
 
         Of laws with states, that at which their rates are 0, by Newton's method from far beyond
         the state of full slip: one step for laws that are linear in their state there.
-
-        Args:
-            speed: Slip velocities (n,) [m/s], > 0.
-            kinetic: Coefficient in full slip, as of the core [1].
         """
         pressed = np.ones_like(speed)  # [N/m]
         none = np.zeros_like(speed)

@@ -45,12 +45,7 @@ _STEP = re.compile(r"(?:^|\.)([A-Za-z]\w*)|\[([^\[\]]+)\]")
 
 
 def parse(name: object) -> Path:
-    """Split a name into its steps.
-
-    Raises:
-        TypeError: Not a str.
-        ValueError: Not of this form.
-    """
+    """Split a name into its steps."""
     if not isinstance(name, str):
         raise TypeError(f"the name of a parameter must be a str, got {name!r}")
     steps: list[str | int] = []
@@ -70,11 +65,7 @@ def parse(name: object) -> Path:
 
 
 def with_indices(path: Path, pulleys: Sequence[str]) -> Path:
-    """Put the index of each pulley in the place of its name.
-
-    Raises:
-        ValueError: No pulley is called so.
-    """
+    """Put the index of each pulley in the place of its name."""
     field = next((str(step) for step in path if isinstance(step, str)), "")
     return tuple(
         index_of(field, step, pulleys) if isinstance(step, PulleyName) else step for step in path
@@ -82,11 +73,7 @@ def with_indices(path: Path, pulleys: Sequence[str]) -> Path:
 
 
 def path_in(params: Params, name: object) -> Path:
-    """Split a name into its steps, pulleys by index.
-
-    Raises:
-        TypeError, ValueError: As :func:`parse` and :func:`with_indices`.
-    """
+    """Split a name into its steps, pulleys by index."""
     return with_indices(parse(name), params.pulley_names)
 
 
@@ -130,11 +117,7 @@ def _step(node: Any, step: str | int, so_far: str) -> Any:
 
 
 def read(params: Params, name: str) -> list[Any]:
-    """Return the value of a name, or one value for each index of a "*".
-
-    Raises:
-        ValueError: No parameter has this name.
-    """
+    """Return the value of a name, or one value for each index of a "*"."""
     nodes: list[Any] = [params]
     so_far = ""
     for step in path_in(params, name):
@@ -174,9 +157,6 @@ def assign(node: Any, changes: Sequence[tuple[Path, Any]]) -> Any:
     """Return a copy with several values changed at once; each change alone need not be valid.
 
     The paths must exist, as :func:`read` checks; of two values for one path the last one counts.
-
-    Raises:
-        TypeError, ValueError: The drive with these values breaks a rule.
     """
     if not changes:
         return node

@@ -197,12 +197,7 @@ class Pulley(Printable):
 
 
 def as_pulleys(value: Iterable[Pulley]) -> tuple[Pulley, ...]:
-    """Check the pulleys of a drive.
-
-    Raises:
-        TypeError: Not a sequence of :class:`Pulley`.
-        ValueError: There is none, or two have the same name.
-    """
+    """Check the pulleys of a drive."""
     try:
         pulleys = tuple(value)
     except TypeError:

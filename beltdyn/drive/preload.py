@@ -62,16 +62,7 @@ def in_place(scene: Scene) -> Scene:
 
 @functools.lru_cache(maxsize=256)
 def rest_tension(scene: Scene, length: float, tensioning: Tensioning) -> float:
-    """Settle a belt and return its mean tension [N].
-
-    Args:
-        scene: The drive.
-        length: Stress-free length of the belt [m].
-        tensioning: How it is brought under preload.
-
-    Raises:
-        RuntimeError: It does not come to rest, a :class:`beltdyn.SimulationError`.
-    """
+    """Settle a belt and return its mean tension [N]."""
     model = model_of(scene, length)
     settled = _settled(model, tensioning)
     force, held = model.observe(settled)["force"][0], settled["m"]
@@ -94,16 +85,7 @@ def _closed_form(scene: Scene, length: float) -> float:
 
 @functools.lru_cache(maxsize=256)
 def first_length(scene: Scene, line: float, preload: float) -> Rest:
-    """Find a length by the core's closed form, without settling.
-
-    Args:
-        scene: The drive.
-        line: Length of the belt line [m].
-        preload: Mean tension of the belt at rest [N].
-
-    Raises:
-        ValueError: The belt cannot have that tension, or not run on the pulleys at all.
-    """
+    """Find a length by the core's closed form, without settling."""
     stiffness = scene[0][2]
 
     def tension(strain: float) -> float:
@@ -138,21 +120,7 @@ def first_length(scene: Scene, line: float, preload: float) -> Rest:
 
 @functools.lru_cache(maxsize=256)
 def find_length(scene: Scene, line: float, preload: float, tensioning: Tensioning) -> Rest:
-    """Find the length whose settled belt has a given tension.
-
-    Args:
-        scene: The drive.
-        line: Length of the belt line [m].
-        preload: Mean tension of the belt at rest [N].
-        tensioning: How it is brought under preload.
-
-    Returns:
-        The length, and the tension that was settled with it. Where the belt comes to rest at no
-        length, those of :func:`first_length`: settling it again tells why.
-
-    Raises:
-        ValueError: The belt cannot have that tension to 0.1 %, or not run on the pulleys at all.
-    """
+    """Find the length whose settled belt has a given tension."""
     first = first_length(scene, line, preload)
     start = line / first.length - 1.0
     nearby = 1e-3 * start
@@ -186,18 +154,6 @@ def find_length_in_place(scene: Scene, line: float, held: float, tensioning: Ten
 
     Of several mounts, whose balance may be elsewhere, so that the belt line has the length that it
     has there.
-
-    Args:
-        scene: The drive, whose mounts hold the tension.
-        line: Length of the belt line with all mounts in their places [m].
-        held: The tension that they hold there [N].
-        tensioning: How the belt is brought under preload.
-
-    Returns:
-        Length [m]. Where the belt does not come to rest, that of :func:`first_length`.
-
-    Raises:
-        ValueError: As of :func:`first_length`.
     """
     start = line / first_length(in_place(scene), line, held).length - 1.0
     radii, outside = scene[2], scene[10]

@@ -97,11 +97,7 @@ def _passed_by(given: tuple[Pulley, ...], centers: Array) -> str:
 
 
 def route_at(given: tuple[Pulley, ...], centers: Array) -> Route:
-    """Find the route of a belt round pulleys whose axes are at ``centers`` (n_p, 2) [m].
-
-    Raises:
-        ValueError: As :func:`route`.
-    """
+    """Find the route of a belt round pulleys whose axes are at ``centers`` (n_p, 2) [m]."""
     radii = np.array([pulley.radius for pulley in given], dtype=float)
     outside = [pulley.side == "outside" for pulley in given]
     names = [pulley.name for pulley in given]

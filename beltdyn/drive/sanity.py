@@ -104,14 +104,7 @@ class Drive(cells.Drive, Protocol):
 
 
 def check(params: Drive) -> tuple[RunWarning, ...]:
-    """Return the warnings of the parameters alone: mesh, strain, compliance, long_links, units.
-
-    Args:
-        params: The drive.
-
-    Returns:
-        At most one warning for each code, several for "units"; of pulleys, the worst is named.
-    """
+    """Return the warnings of the parameters alone: mesh, strain, compliance, long_links, units."""
     return tuple(_of_belt(params)) + tuple(_of_pulleys(params)) + tuple(_of_units(params))
 
 
@@ -141,11 +134,6 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
     in a link, up to l0 / 2 from its middle, which makes pull l0 / (2 L) in the spans. All of it is
     right to a factor of three or so, often better on slow drives with much load
     (benchmarks/mesh_estimate.py).
-
-    Args:
-        params: The drive.
-        shaking: Relative rise of the mean tension by links that land [1].
-        pull: Largest difference of the tensions on two sides of a pulley [N].
     """
     info = params.info
     if params._belt_facts["flows"]:
@@ -193,13 +181,6 @@ def shaking_seen(params: Drive, speed: float, across: float, time: float) -> flo
     own direction, a wave passes, whose slope is that velocity over sqrt(T / (rho A)) plus or minus
     the belt's speed. Half of its mean square is strain. Of lateral vibration with other causes no
     more is taken for the mesh's than the energy m (v l0 / R)^2 / 2 that each landing link brings.
-
-    Args:
-        params: The drive.
-        speed: Speed of the belt [m/s].
-        across: Square of the velocity across the links in the spans, a mean over time, the sum over
-            the number of all links [m^2/s^2].
-        time: Time that the belt has run [s].
     """
     belt, info = params.belt, params.info
     if params._belt_facts["flows"]:
@@ -217,11 +198,6 @@ def mesh_loss(params: Drive, contact: float, friction: float) -> float:
     What dampers of the contact take is nearly all from links that land: each loses the energy
     m (v l0 / R)^2 / 2 with which it turns. Friction is wrong by the share of a link in an arc; on
     the paper's mesh by that of the tension as well, which straight links raise.
-
-    Args:
-        params: The drive.
-        contact: Lost in the dampers of the contact [W].
-        friction: Lost to friction [W].
     """
     if params._belt_facts["flows"]:
         return abs(friction) * cells.errors(params, float(params.info["strain_tension"]))["tension"]
@@ -283,14 +259,7 @@ def _stiff_enough(params: Drive, allowed: Array) -> float:
 def of_mesh(
     params: Drive, error: float | None = None, landing: float = 0.0, speed: float = 0.0
 ) -> Iterator[RunWarning]:
-    """Warn of a mesh whose error in mean tensions is 2 % or more.
-
-    Args:
-        params: The drive.
-        error: The error, of a run; None: that at rest.
-        landing: The part of it that is of links that land.
-        speed: Speed of the belt, in a run [m/s].
-    """
+    """Warn of a mesh whose error in mean tensions is 2 % or more."""
     rest, facts = mesh_error(params)["span_mean"], params._belt_facts
     when, error = (" at rest", rest) if error is None else ("", error)
     if error < MESH:

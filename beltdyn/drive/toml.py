@@ -201,11 +201,7 @@ def _explain(error: BaseException, path: str) -> str:
 
 
 def structure(value: Any, kind: Any, path: str = "") -> Any:
-    """Build a class, or a tuple of them, from plain tables.
-
-    Raises:
-        ValueError: What is wrong, in one line that begins with the path of the field.
-    """
+    """Build a class, or a tuple of them, from plain tables."""
     from cattrs import BaseValidationError
 
     try:
@@ -236,12 +232,7 @@ def _document(source: Source) -> tuple[dict[str, Any], str]:
 
 
 def read(source: Source, build: Callable[[dict[str, Any]], _T]) -> _T:
-    """Read a document and build from it; errors begin with the file's name, if there is one.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: Bad TOML, or what ``build`` finds wrong.
-    """
+    """Read a document and build from it; errors begin with the file's name, if there is one."""
     document, prefix = _document(source)
     try:
         return build(document)

@@ -42,11 +42,7 @@ def _available() -> int:
 
 
 def as_bytes(what: Any) -> bytes:
-    """Pickle a job for another process.
-
-    Raises:
-        TypeError: Something in it cannot be sent to another process.
-    """
+    """Pickle a job for another process."""
     try:
         return _pickler().dumps(what, 5)  # type: ignore[no-any-return]
     except Exception as error:
@@ -279,16 +275,7 @@ def has_dask_client(executor: object) -> bool:
 
 
 def as_pool(executor: object, in_python: str = "") -> Pool:
-    """Make the pool of an argument ``executor``.
-
-    Args:
-        executor: None, a number of workers, "threads", "processes", an Executor, a Dask client.
-        in_python: Why runs keep the interpreter busy, which other threads would wait for; "".
-
-    Raises:
-        TypeError, ValueError: It is none of these.
-        ImportError: loky is not installed, which processes need.
-    """
+    """Make the pool of an argument ``executor``."""
     if executor is None or executor in ("threads", "processes"):
         count = _available()
         if executor == "processes" or (executor is None and in_python):

@@ -76,7 +76,7 @@ def dominant(t: Array, values: Array) -> Line | None:
 
 
 def moving_string(tension: float, density: float, length: float, speed: float) -> float:
-    """Return the first frequency of a moving string [Hz], (c^2 - v^2) / (2 l c); 0 from v = c on."""
+    """Return the first frequency of a moving string [Hz]: (c^2 - v^2) / (2 l c), or 0."""
     wave = float(np.sqrt(tension / density))
     return max(0.0, (wave**2 - speed**2) / (2.0 * length * wave))
 

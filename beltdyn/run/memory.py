@@ -29,9 +29,6 @@ def check_samples(n_t: int, sizes: Mapping[str, int], names: Collection[str], le
     """Return the memory that the samples of a run need [byte], if it is available, or very little.
 
     ``sizes`` are those of the drive's model, ``names`` the outputs that the core is asked for.
-
-    Raises:
-        MemoryError: It is not; the message says what is needed, what is available, what to try.
     """
     columns = sizes["ENERGY"] + _LEDGER_COPIES if ledger else 0
     widths = {**sizes, "PLANE": 2 * sizes["PLANE"], "ENERGY": columns}

@@ -241,12 +241,7 @@ def _squeals(result: Result) -> Iterator[RunWarning]:
 
 
 def hint(result: Result, rtol: float) -> tuple[str, ...]:
-    """Return a note where an ALE belt would be much cheaper, and describes what the run has shown.
-
-    Args:
-        result: A run whose steps follow the error.
-        rtol: That error.
-    """
+    """Return a note where an ALE belt would be much cheaper, and note what the run has shown."""
     params, stats, seen = result.params, result.stats, result._running
     time = float(result.t[-1] - result.t[0]) if result.t.size else 0.0
     if seen is None or not time > 0.0 or params._belt_facts["flows"]:

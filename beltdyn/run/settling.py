@@ -135,21 +135,13 @@ def settle(
 
 
 def check_params(params: object) -> None:
-    """Check that it is a drive.
-
-    Raises:
-        TypeError: It is not.
-    """
+    """Check that it is a drive."""
     if not isinstance(params, Params):
         raise TypeError(f"params must be a Params, got {type(params).__name__}")
 
 
 def check_initial(params: Params, initial: object) -> None:
-    """Check that it is a state of a drive, or None.
-
-    Raises:
-        TypeError, ValueError: It is neither, or of another drive.
-    """
+    """Check that it is a state of a drive, or None."""
     if initial is None:
         return
     if not isinstance(initial, State):

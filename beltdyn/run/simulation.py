@@ -258,11 +258,7 @@ def _plan(
 def speeds_at_start(
     params: Params, motion: ByPulley[MotionLike] | None, t_end: float, breakpoints: ArrayLike
 ) -> dict[int, float] | None:
-    """Return the speeds with which :func:`simulate` has the belt settle for motions; None: at rest.
-
-    Raises:
-        TypeError, ValueError: A motion or a breakpoint breaks its rule.
-    """
+    """Return the speeds with which a belt under motions settles; None: at rest."""
     motions = as_motions(motion, params.pulley_names)
     if not motions:
         return None

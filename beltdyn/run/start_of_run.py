@@ -117,11 +117,7 @@ def pack(start: Start, every: float) -> bytes:
 
 
 def unpack(content: bytes) -> tuple[Start, float]:
-    """Read what :func:`pack` gave.
-
-    Raises:
-        TypeError, ValueError: It is not that, or of another version of beltdyn.
-    """
+    """Read what :func:`pack` gave."""
     arrays = npz.unpack(content, _NAMES)
     for name in _NAMES - set(arrays):
         raise ValueError(f"{name} is missing")

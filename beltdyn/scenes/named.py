@@ -239,12 +239,7 @@ def get(name: str) -> Scene:
 
 
 def find(scene: str | os.PathLike[str]) -> Scene:
-    """Return a scene by its name, or from a TOML file.
-
-    Raises:
-        OSError: The file cannot be read.
-        ValueError: There is no such scene; what is wrong in the file.
-    """
+    """Return a scene by its name, or from a TOML file."""
     if os.path.isdir(scene):
         raise ValueError(f"{os.fspath(scene)} is a folder, not a scene")
     path = os.fspath(scene)

@@ -72,12 +72,7 @@ class Indices:
 
 
 def by_groups(design: Design, options: dict[str, Any]) -> Callable[[Array], Indices]:
-    """Return the function that analyses the values of Saltelli's groups (groups, size).
-
-    Args:
-        design: With groups.
-        options: Of SALib: "conf_level", "num_resamples", "seed".
-    """
+    """Return the function that analyses the values of Saltelli's groups (groups, size)."""
     sobol = optional_module("SALib.analyze.sobol", "sensitivity", "sensitivity")
     keys = {"first": "S1", "total": "ST"} | ({"second": "S2"} if design.second_order else {})
     keys |= {f"{name}_conf": f"{key}_conf" for name, key in keys.items()}

@@ -70,13 +70,7 @@ class SweepFile:
 
 
 def read(path: str | os.PathLike[str]) -> SweepFile:
-    """Read a sweep.
-
-    Raises:
-        OSError: The file, or that of its scene, cannot be read.
-        ValueError: What is wrong, in one line that names the field.
-        ImportError: Distributions and samples need SciPy and SALib.
-    """
+    """Read a sweep."""
     folder = Path(path).parent
     found: SweepFile = toml.read(path, lambda document: _built(document, folder))
     return found

@@ -38,9 +38,6 @@ def token(value: Any, key: str = "") -> str:
     """Return a short text that is the same for the same content, and for nothing else.
 
     ``key`` stands for the content of functions and objects of which it cannot be known.
-
-    Raises:
-        NoKeyError: The content cannot be known, and there is no key.
     """
     try:
         text = _Walk(key).text(value)

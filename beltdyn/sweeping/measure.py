@@ -119,11 +119,7 @@ def _called(function: Callable[..., Any]) -> str:
 
 
 def as_measure(measure: object, params: Params, last: object) -> Measure:
-    """Look up what to measure.
-
-    Raises:
-        TypeError, ValueError: There is nothing of that name, or it is not a name or a function.
-    """
+    """Look up what to measure."""
     share = share_of_run("last", last)
     if measure is None:
         measure = DEFAULT

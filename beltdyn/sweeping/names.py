@@ -54,12 +54,7 @@ class ScaledFunction:
 
 
 def find(scene: Scene, name: object) -> Named:
-    """Find what a name stands for in a scene.
-
-    Raises:
-        TypeError: Not a str.
-        ValueError: There is nothing of that name; the message says what is near.
-    """
+    """Find what a name stands for in a scene."""
     path = with_indices(parse(name), scene.params.pulley_names)
     root = str(path[0])
     if root == "t_end" and len(path) == 1:
@@ -102,11 +97,7 @@ def in_words(scene: Scene, name: str) -> tuple[str, str]:
 def changed(
     scene: Scene, options: Mapping[str, Any], changes: Mapping[str, Any]
 ) -> tuple[Scene, dict[str, Any]]:
-    """Return the scene and the options with values changed, all at once.
-
-    Raises:
-        TypeError, ValueError: There is no such drive, load or motion.
-    """
+    """Return the scene and the options with values changed, all at once."""
     new_options = dict(options)
     groups: dict[str, list[tuple[Path, Any]]] = {"params": [], "torque": [], "motion": []}
     t_end = scene.t_end

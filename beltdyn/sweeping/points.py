@@ -47,11 +47,7 @@ class Points:
 
 
 def as_points(over: object, combine: object = "grid") -> Points:
-    """Lay out the runs.
-
-    Raises:
-        TypeError, ValueError: ``over`` or ``combine`` breaks its rule.
-    """
+    """Lay out the runs."""
     how = one_of("combine", combine, ("grid", "zip"))
     if isinstance(over, Samples):
         rows = tuple(tuple(map(float, row)) for row in over.values)

@@ -225,11 +225,7 @@ class _Runs:
         self.done = 0
 
     def keys(self, key: str) -> list[str]:
-        """Return the key of each run in a store.
-
-        Raises:
-            ValueError: A function has no content that can be known.
-        """
+        """Return the key of each run in a store."""
         job, points = self._job, self._points
         try:
             # runs that others start from are kept with the states at their ends
@@ -333,12 +329,7 @@ class _Runs:
 
 
 def as_scene(scene: Any) -> Scene:
-    """Return the scene of an argument.
-
-    Raises:
-        TypeError, ValueError: There is none; the scene's parts do not fit together.
-        OSError: The file cannot be read.
-    """
+    """Return the scene of an argument."""
     if isinstance(scene, (str, os.PathLike)):
         return scenes.find(scene)
     if isinstance(scene, tuple) and 3 <= len(scene) <= 4 and isinstance(scene[0], Params):

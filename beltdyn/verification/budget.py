@@ -132,23 +132,7 @@ def plan(
     options: Mapping[str, Any],
     clock: Callable[[], float] = time.thread_time,
 ) -> Plan:
-    """Choose the most accurate setting whose run fits into a budget, from pilot runs within it.
-
-    Args:
-        simulate: Runs once, as :func:`beltdyn.simulate` does, and takes ``watch``: a function that
-            is called with what was :class:`Reached` now and then.
-        settle: :func:`beltdyn.settle`.
-        scene: What to run.
-        budget: CPU time of everything together [s].
-        initial: State to start from; the mesh is then fixed.
-        t_eval: Sample times (n_t,) [s].
-        options: Further keywords of the run.
-        clock: Returns the CPU time of this thread [s].
-
-    Raises:
-        ValueError: Not even the coarsest run fits; the message says how much it would take.
-        SimulationError: The drive runs at no setting.
-    """
+    """Choose the most accurate setting whose run fits into a budget, from pilot runs within it."""
     begun = clock()
     start = 0.0 if initial is None else initial.t
 

@@ -23,12 +23,7 @@ __all__ = ["Done", "Reached", "Runs", "whole_scene"]
 
 
 def whole_scene(value: object) -> Scene:
-    """Return a scene that can be run, from one or from a tuple of its parts.
-
-    Raises:
-        TypeError: It is neither.
-        ValueError: Parts that do not fit each other.
-    """
+    """Return a scene that can be run, from one or from a tuple of its parts."""
     if not isinstance(value, tuple) or not 3 <= len(value) <= 4:
         raise TypeError(
             "scene must be a bd.Scene(params, torque_fn, t_end), or one of bd.scenes, "

@@ -43,16 +43,6 @@ def space_error(
     difference to it over 2^p - 1, Richardson's estimate, with order 2 or, where a trend is seen
     that is steeper, as where the coarse mesh is very coarse, with its order. Creep converges more
     slowly, because the zone where the belt sticks ends at some link: order 1.5.
-
-    Args:
-        quantity: One of the quantities.
-        run: The run itself.
-        coarse: A coarser mesh: its number of links over the run's, and what was read off it.
-        fine: A finer one, likewise.
-        until: Compare histories up to this time only [s].
-
-    Returns:
-        The error, None without any other mesh; and the order, None where there is no trend.
     """
     from_coarse = from_fine = None
     if coarse is not None:
