@@ -281,6 +281,12 @@ int bd_model_cells(const bd_model *model, int32_t *pulley, double *share);
  */
 void bd_model_rest(const bd_model *model, double *travel);
 void bd_model_centers(const bd_model *model, const double *travel, double *centers);
+/* Force (torque) of spring, hung weight and stops on each mount that stands at these travels, in
+ * the sense of the travel (n_mounts); of paths 0. */
+void bd_model_mount_forces(const bd_model *model, const double *travel, double *force);
+/* Depth to which the belt sinks into a pulley of a radius under a tension at a speed [m]: the root
+ * p of c1' p^2 + c2' p = (T lambda - rho v^2) / R (MODEL section 3), 0 where nothing presses. */
+double bd_model_depth(const bd_model *model, double radius, double tension, double speed);
 /* Numbers of mount m, of coupling c as they act, given or chosen. */
 #define X(name, text) double name;
 typedef struct bd_mount_numbers {
@@ -598,6 +604,11 @@ int bd_sim_time_passes(bd_sim *sim, int rounds, bd_pass_time out[BD_MAX_PASSES],
  * places: 0. */
 int bd_model_rate(const bd_model *model, const bd_state *state, const double *torque,
                   bd_state *rate, bd_error *err);
+
+/* The torques set at a time (n_p), by angles and speeds of the pulleys. Of motions the speeds at
+ * that time are put into omega first: they are smooth from there up to `until`. */
+int bd_model_torques(const bd_model *model, const bd_torque *given, double t, double until,
+                     const double *theta, double *omega, double *torque, bd_error *err);
 
 /* The outputs of a state without torques: one row into the arrays that are not NULL. Energies are
  * those stored; works are 0. */

@@ -410,16 +410,24 @@ def test_rodas4_knows_the_jerk_of_a_crank() -> None:
 
 
 @pytest.mark.parametrize(
-    ("speed", "fade"),
-    [(-40.0, None), (-40.0, (-0.1, 0.1)), (CRANK_SPEED, (-0.1, 0.1)),
-     (bd.PiecewiseLinear([-0.2, 0.5], [-9, -30]), (-0.1, 0.1))],
+    ("speed", "fade", "mean", "angle"),
+    [(-40.0, None, -40.0, 0.0), (-40.0, (-0.1, 0.1), -40.0, 0.0),
+     (CRANK_SPEED, (-0.1, 0.1), 0.0, 0.0),
+     (bd.PiecewiseLinear([-0.2, 0.5], [-9, -30]), (-0.1, 0.1), -15.0, -2.4)],
 )  # fmt: skip
-def test_a_run_begins_with_the_speed_of_the_crank(speed: Any, fade: Any, rest: bd.State) -> None:
+def test_a_run_begins_with_the_speed_of_the_crank(
+    speed: Any, fade: Any, mean: float, angle: float, rest: bd.State
+) -> None:
     """Also where the fluctuation has begun before."""
     drive = drives.plain()
     crank = bd.CrankMotion(speed, [2.0, 3.0], [0.02, 0.01], [0.3, 1.0], fade=fade)
+    at = angle * crank.orders + crank.phases
+    over_angle = -float((crank.orders * crank.amplitudes) @ np.sin(at))
+    # half way through the fade s^3 (10 - 15 s + 6 s^2) is 1/2, its slope 30/16 over 0.2 s
+    factor, slope = (1.0, 0.0) if fade is None else (0.5, 1.875 / 0.2)
+    first = mean * (1.0 + factor * over_angle) + slope * float(crank.amplitudes @ np.cos(at))
     result = bd.simulate(drive, NOTHING, 0.002, {0: crank})
-    assert result.pulleys.omega[0, 0] == pytest.approx(crank._first_speed(0.0), rel=1e-12)
+    assert result.pulleys.omega[0, 0] == pytest.approx(first, rel=1e-12)
     step = (result.pulleys.theta[1, 0] - result.pulleys.theta[0, 0]) / result.t[1]
     assert step == pytest.approx(result.pulleys.omega[:2, 0].mean(), rel=1e-6, abs=1e-12)
     if speed is not CRANK_SPEED:

@@ -20,6 +20,7 @@ from ..base.run_warnings import RunWarning
 from . import compliance
 from .parts import CHOOSE, Pulley
 from .route import Route
+from .span import Span
 from .tensioning import Tensioning
 
 __all__ = [
@@ -84,7 +85,7 @@ class Drive(compliance.Drive, Protocol):
     @property
     def _belt_facts(self) -> _core.BeltFacts: ...
     @property
-    def _model(self) -> _core.Model: ...
+    def _wave_speed(self) -> float: ...
     @property
     def _cells(self) -> NDArray[np.int32]: ...
 
@@ -155,7 +156,7 @@ def _on_arcs(params: Drive) -> Array:
 
 
 def _arcs(params: Drive) -> Array:
-    return np.asarray(params.route.wraps * [pulley.radius for pulley in params.pulleys])
+    return np.asarray(params.route.wraps * params._radii)
 
 
 def reach(params: Drive) -> float:
@@ -172,7 +173,7 @@ def errors(params: Drive, pull: float) -> dict[str, float]:
     cells, off = _on_arcs(params), reach(params)
     load = abs(pull) / float(params.info["strain_tension"])
     mean = CREEP * load / float(np.min(cells * np.pi / params.route.wraps)) ** 2
-    radii = np.array([pulley.radius for pulley in params.pulleys])
+    radii = params._radii
     coarse = np.minimum(1.0, (_arcs(params) / cells / off) ** 2) if off > 0.0 else 0.0
     ends = ENDS * load * float(np.max(off / radii * coarse)) if off > 0.0 else 0.0
     return {"tension": HISTORIES * mean + ends, "span_mean": mean}
@@ -191,7 +192,7 @@ def trusted(params: Drive, speed: float) -> float:
     Of the longest span as a string, at a speed of the belt [m/s]: of the first mode that it has not
     or, as running couples each to its neighbours, has amiss.
     """
-    wave = math.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
+    wave = params._wave_speed
     modes = params._model.sizes["MODES"] // len(params.pulleys)
     share = min(abs(speed) / wave, 1.0)
     slower = 1.0 - share**2
@@ -258,12 +259,10 @@ def seen(
     params: Drive, tension: Array | None, flow: Array | None, deflection: Array | None
 ) -> Iterator[tuple[str, str, int, int]]:
     """Return where a run came near the limits of an ALE belt: code, text, sample, span."""
-    rest, belt = float(params.info["strain_tension"]), params.belt
+    rest = float(params.info["strain_tension"])
     if tension is not None:
-        speed = 0.0 if flow is None else flow[:, None]
-        stretch = 1.0 + tension / belt.axial_stiffness
-        thrown = belt.linear_density * speed**2 * stretch + 0.0 * tension
-        least = tension - thrown
+        span = Span(params.belt, tension, 0.0 if flow is None else flow[:, None])
+        thrown, least = span.centrifugal + 0.0 * tension, span.pull
         t, k = np.unravel_index(int(np.argmin(least)), least.shape)
         if least[t, k] < NEAR_SLACK * rest:
             yield (

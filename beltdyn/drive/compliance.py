@@ -32,10 +32,12 @@ import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .. import _core
 from ..base.checks import Array
 from ..base.rounding import percent
 from .parts import Belt, Contact, Pulley
 from .route import Route
+from .span import Span
 
 __all__ = [
     "Compliance",
@@ -45,6 +47,7 @@ __all__ = [
     "compliance_error",
     "depth_under",
     "describe",
+    "raised",
     "running_radius",
 ]
 
@@ -76,6 +79,11 @@ class Drive(Protocol):
     @property
     def info(self) -> Mapping[str, float | int]:
         """Quantities derived from the parameters."""
+
+    @property
+    def _model(self) -> _core.Model: ...
+    @property
+    def _radii(self) -> Array: ...
 
     @property
     def route(self) -> Route:
@@ -135,45 +143,29 @@ def complete(contact: Contact, belt: Belt, pulleys: tuple[Pulley, ...]) -> Conta
     return attrs.evolve(contact, linear=linear, damping=damping)
 
 
-def _numbers(params: Drive) -> tuple[float, float]:
-    contact = params.effective_contact
-    assert contact.linear is not None
-    return contact.quadratic, contact.linear
+def depth_under(
+    params: Drive, radius: ArrayLike, tension: ArrayLike, speed: ArrayLike = 0.0
+) -> Array:
+    """Return the depth [m] in pulleys of some radii [m] under tensions [N] at speeds [m/s]."""
+    return params._model.depth(*np.broadcast_arrays(radius, tension, speed))
 
 
-def _radii(params: Drive) -> Array:
-    return np.array([pulley.radius for pulley in params.pulleys])
-
-
-def _depth(params: Drive, tension: Array, speed: float) -> Array:
-    """Return the depth of each pulley under tensions (n_p, m) [N] at a speed of the belt [m/s]."""
-    belt = params.belt
-    pull = tension * (1.0 + tension / belt.axial_stiffness) - belt.linear_density * speed**2
-    return depth_under(params, pull / _radii(params)[:, None])
-
-
-def depth_under(params: Drive, pressure: Array) -> Array:
-    """Return the depth [m] under forces per stress-free metre [N/m], 0 where these pull."""
-    c1, c2 = _numbers(params)
-    pushed = np.maximum(pressure, 0.0)
-    # The root in the form that is exact for c1' = 0 and for c2' = 0.
-    return np.asarray(2.0 * pushed / (c2 + np.sqrt(c2 * c2 + 4.0 * c1 * pushed)))
+def raised(params: Drive, radius: Array) -> Array:
+    """Return how far outside of pulleys of some radii a compensated contact begins [m]."""
+    if not params.effective_contact.compensate:
+        return 0.0 * radius
+    return depth_under(params, radius, params.info["strain_tension"])
 
 
 def running_radius(params: Drive, radius: Array, tension: Array, flow: Array) -> Array:
     """Return the radius [m] on which belt runs under a tension [N]."""
-    belt, raised = params.belt, 0.0 * radius
-    stretch = 1.0 + tension / belt.axial_stiffness
-    pull = tension * stretch - belt.linear_density * (flow * stretch) ** 2
-    if params.effective_contact.compensate:
-        rest = float(params.info["strain_tension"])
-        raised = depth_under(params, rest * (1.0 + rest / belt.axial_stiffness) / radius)
-    return np.asarray(radius - depth_under(params, pull / radius) + raised)
+    speed = Span(params.belt, tension, flow).speed
+    return radius - depth_under(params, radius, tension, speed) + raised(params, radius)
 
 
 def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0.0) -> Compliance:
     """Return the depth to which the belt sinks into its pulleys, and its effects."""
-    belt, info, radii = params.belt, params.info, _radii(params)
+    belt, info, radii = params.belt, params.info, params._radii
     rest = np.full((radii.size, 2), float(info["strain_tension"]))
     if tension is None:
         left = 1.0 - info["contact_strain"] / info["strain"]
@@ -192,15 +184,14 @@ def compliance(params: Drive, tension: ArrayLike | None = None, speed: float = 0
                 f"each pulley, got {tension!r}"
             )
         pulls = np.column_stack([np.roll(after, 1), after])
-    depth = _depth(params, pulls, speed)
-    compensated = params.effective_contact.compensate
-    raised = _depth(params, rest, 0.0) if compensated else np.zeros_like(depth)
-    smaller = depth - raised
+    depth = depth_under(params, radii[:, None], pulls, speed)
+    smaller = depth - raised(params, radii[:, None])
     shorter = float(np.sum(params.route.wraps * smaller.mean(axis=1)))
     change = -belt.axial_stiffness * shorter / info["length"]
     arrives = (1.0 - smaller / radii[:, None])[:, 0 if speed >= 0.0 else 1]
-    c1, c2 = _numbers(params)
-    stiffness = c2 + 2.0 * c1 * depth
+    contact = params.effective_contact
+    assert contact.linear is not None
+    stiffness = contact.linear + 2.0 * contact.quadratic * depth
     return Compliance(
         tension=pulls,
         depth=depth,
@@ -218,7 +209,7 @@ def compliance_error(
 ) -> dict[str, float]:
     """Estimate the errors that a yielding contact makes, against pulleys that do not yield."""
     found = compliance(params, tension, speed)
-    radii = _radii(params)
+    radii = params._radii
     arrives = 0 if speed >= 0.0 else 1
     strain = found.tension[:, arrives] / params.belt.axial_stiffness
     arm = 1.0 - found.radius / radii[:, None]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain, repeat
@@ -109,13 +110,18 @@ class Params:
         object.__setattr__(self, "_scene", scene)
         # Whatever is wrong is said now; a length that takes settling is found when it is needed.
         route(self.pulleys)
-        preload.model_of(scene, self._first_length).check_geometry()
+        self._laid.check_geometry()
         object.__setattr__(self, "tensioning", self.tensioning.fitted(self.pulley_names))
         for k, offset in enumerate(self.tensioning.offset):
             if k in self.mounted and offset != (0.0, 0.0):
                 raise ValueError(
                     f"tensioning.offset of {self.label(k)} must be (0, 0): its mount moves it"
                 )
+
+    @property
+    def _laid(self) -> _core.Model:
+        """The core's model, with the length that needs no settling."""
+        return preload.model_of(self._scene, self._first_length)
 
     @property
     def _tensioned(self) -> Tensioning:
@@ -210,6 +216,18 @@ class Params:
         rest, the closed form stands there.
         """
         return preload.Info(self._model.info, lambda: self._rest_tension)
+
+    @functools.cached_property
+    def _radii(self) -> Array:
+        """Radii of the pulleys (n_p,) [m]."""
+        radii = np.array([pulley.radius for pulley in self.pulleys])
+        radii.setflags(write=False)
+        return radii
+
+    @property
+    def _wave_speed(self) -> float:
+        """Speed of waves across the belt at rest, by its stress-free length a second [m/s]."""
+        return math.sqrt(float(self.info["mean_tension"]) / self.belt.linear_density)
 
     @property
     def n_bodies(self) -> int:

@@ -44,6 +44,11 @@ class Route:
     turns: int
     names: tuple[str, ...]
 
+    @property
+    def _ways(self) -> Array:
+        """Spans from where the belt leaves to where it arrives (n_p, 2) [m]."""
+        return np.roll(self.arrive, -1, axis=0) - self.leave
+
     def __str__(self) -> str:
         crossed = ", crossed" if self.turns == 0 else ""
         rows = [

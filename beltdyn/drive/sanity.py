@@ -144,7 +144,7 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
         polygon = (
             info["link_length"] ** 2
             / (12.0 * info["length"])
-            * np.sum(params.route.wraps / _radii(params))
+            * np.sum(params.route.wraps / params._radii)
         )
         share = float(polygon / info["strain"])
         found = {quantity: part * share for quantity, part in JOINT_ERRORS.items()}
@@ -169,7 +169,7 @@ def shaken(params: Drive, speed: float) -> float:
         return 0.0
     length, tension = info["link_length"], info["strain_tension"]
     slope = belt.linear_density * speed * speed / tension  # inf where speed**2 raises
-    slope *= float(np.mean((length / _radii(params)) ** 2)) / 12.0
+    slope *= float(np.mean((length / params._radii) ** 2)) / 12.0
     slope /= 1.0 + BENDING * belt.bending_stiffness / (tension * length**2)
     return float(0.5 * slope * np.sum(params.route.spans) / info["length"] / info["strain"])
 
@@ -188,7 +188,7 @@ def shaking_seen(params: Drive, speed: float, across: float, time: float) -> flo
     tension, density = info["strain_tension"], belt.linear_density
     strain = 0.5 * across / (tension / density + speed * speed)
     landed = 0.5 * density * abs(speed) ** 3 * time
-    landed *= float(np.sum((info["link_length"] / _radii(params)) ** 2))
+    landed *= float(np.sum((info["link_length"] / params._radii) ** 2))
     return float(min(strain, 0.5 * landed / (tension * info["length"])) / info["strain"])
 
 
@@ -201,13 +201,9 @@ def mesh_loss(params: Drive, contact: float, friction: float) -> float:
     """
     if params._belt_facts["flows"]:
         return abs(friction) * cells.errors(params, float(params.info["strain_tension"]))["tension"]
-    lie = params.route.wraps * _radii(params) / params.info["link_length"]
+    lie = params.route.wraps * params._radii / params.info["link_length"]
     raised = mesh_share(params) if params._belt_facts["tangents"] else 0.0
     return abs(contact) + abs(friction) * (1.0 / float(lie.min()) + raised)
-
-
-def _radii(params: Drive) -> Array:
-    return np.array([pulley.radius for pulley in params.pulleys])
 
 
 def bodies(params: Drive) -> str:
@@ -242,7 +238,7 @@ def describe_mesh(params: Drive) -> str:
 
 def _stiff_enough(params: Drive, allowed: Array) -> float:
     """Return the least contact.linear at which the belt sinks in no deeper than allowed [N/m^2]."""
-    radii, info = _radii(params), params.info
+    radii, info = params._radii, params.info
     pull = info["strain_tension"] * (1.0 + info["strain"])
     low, high = 0.0, float(np.max(pull / (radii * allowed)))
     for _ in range(20):  # to 1e-6
@@ -318,7 +314,7 @@ def _of_belt(params: Drive) -> Iterator[RunWarning]:
 
 
 def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
-    radii, info = _radii(params), params.info
+    radii, info = params._radii, params.info
     sunk = compliance.compliance(params)
     depth = sunk.depth[:, 0]
     worst = int(np.argmax(depth / radii))

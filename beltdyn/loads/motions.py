@@ -11,7 +11,7 @@ import numpy as np
 
 from .. import _core
 from ..base.checks import Array, pair, positive, real, shown
-from ..base.naming import ByPulley, by_index, key, label
+from ..base.naming import ByPulley, by_index, key
 from ..base.optional import scipy_module
 from .loads import EQUAL, as_row, as_row_or_none, harmonic_fields, named
 from .torques import PiecewiseLinear, Torque
@@ -23,7 +23,6 @@ __all__ = [
     "MotionLike",
     "as_motions",
     "described",
-    "first_speeds",
     "in_core",
     "motion_terms",
 ]
@@ -33,9 +32,6 @@ MotionLike: TypeAlias = (
     "Motion | CrankMotion | AngleTable | PiecewiseLinear | Callable[[float], float]"
 )
 
-#: Weights of values one step apart in the derivative at the first: order 6, as in the core.
-_FORWARD = np.array([-147.0, 360.0, -450.0, 400.0, -225.0, 72.0, -10.0]) / 60.0
-_STEP = 5e-5
 #: Change of the speed at a sample that those beside it do not explain, over the largest speed, from
 #: which on it is a jump (a run-up of 17 samples begins with less); share of such samples that is
 #: noise. Smaller changes are noise if what is not explained is, in the median, above this share of
@@ -317,23 +313,6 @@ class CrankMotion:
     def __attrs_post_init__(self) -> None:
         harmonic_fields(self)
 
-    def _first_speed(self, t: float) -> float:
-        """Return the speed at a time (MODEL section 5)."""
-        times, speeds = self.speed.t, self.speed.values[:, 0]
-        mean = float(self.speed.at(t)[0])
-        knots = np.array([times[0], *times[(times > times[0]) & (times < t)], t])
-        at_knots = np.interp(knots, times, speeds)
-        angle = float(0.5 * (at_knots[1:] + at_knots[:-1]) @ np.diff(knots))
-        factor, rate = 1.0, 0.0
-        if self.fade is not None:
-            begin, end = self.fade
-            s = min(max((t - begin) / (end - begin), 0.0), 1.0)
-            factor = s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
-            rate = 30.0 * s * s * (1.0 - s) ** 2 / (end - begin)
-        at = self.orders * angle + self.phases
-        over_angle = -float((self.orders * self.amplitudes) @ np.sin(at))
-        return mean * (1.0 + factor * over_angle) + rate * float(self.amplitudes @ np.cos(at))
-
     def __str__(self) -> str:
         speeds = self.speed.values
         orders = ", ".join(f"{order:g}" for order in self.orders)
@@ -398,26 +377,3 @@ def motion_terms(motions: Mapping[int, Motion | CrankMotion]) -> list[_core.Moti
         return (pulley, "angle", motion.angle)
 
     return [term(pulley, motion) for pulley, motion in motions.items()]
-
-
-def first_speeds(
-    motions: Mapping[int, Motion | CrankMotion], t: float, until: float, names: Sequence[str]
-) -> dict[int, float]:
-    """Return the speeds at the start of a run whose functions are smooth up to a time."""
-    step = min(_STEP, (until - t) / (_FORWARD.size - 1))
-
-    def call(pulley: int, function: Callable[[float], float], time: float) -> float:
-        return real(f"what the motion of {label(pulley, names)} returns", function(time))
-
-    def speed(pulley: int, motion: Motion | CrankMotion) -> float:
-        if isinstance(motion, CrankMotion):
-            return motion._first_speed(t)
-        if isinstance(motion.speed, PiecewiseLinear):
-            return float(motion.speed.at(t)[0])
-        if motion.speed is not None:
-            return call(pulley, motion.speed, t)
-        angle: Any = motion.angle
-        values = [call(pulley, angle, t + k * step) for k in range(_FORWARD.size)]
-        return float(_FORWARD @ (np.array(values) - values[0])) / step
-
-    return {pulley: speed(pulley, motion) for pulley, motion in motions.items()}

@@ -332,7 +332,7 @@ class Running:
 
 def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
     """Read motion and load of the belt off a run."""
-    radii = np.array([pulley.radius for pulley in params.pulleys])
+    radii = params._radii
     omega, torque, across = arrays["omega"], arrays["torque"], arrays["across"][:, 0]
     if t.size < 2:
         speed = float(np.max(np.abs(end.omega * radii)))

@@ -130,7 +130,7 @@ def belt_turning(result: Sampled, rows: Any = slice(None)) -> Array | None:
         speed = (vx * tx + vy * ty) / np.hypot(tx, ty)
         return np.asarray(speed.mean(axis=-1) / arc.sum(axis=-1))
     if result._has("pulleys.omega"):
-        radii = np.array([pulley.radius for pulley in params.pulleys])
+        radii = params._radii
         rims = result.pulleys.omega[rows] * radii * params.route.senses
         return np.asarray(rims.mean(axis=-1) / params.info["length"])
     return None

@@ -14,6 +14,7 @@ from ..base.checks import Array
 from ..base.naming import span_name
 from ..drive.params import Params
 from ..drive.route import Route, route_at
+from ..drive.span import Span
 from .arcs import contact_points, turns
 from .histories import BeltHistory
 from .spans import coordinates, joint_points
@@ -91,7 +92,7 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
     Each is projected on the nearest span or wrap; where several are near, as where a belt crosses
     itself, on that to which the chords between the points lead.
     """
-    radii = np.array([one.radius for one in params.pulleys])
+    radii = params._radii
     length = np.array([line.length for line in lines])[:, None]
     wraps = np.array([line_parts(line, radii) for line in lines])
     leave, senses = np.array([line.leave for line in lines]), lines[0].senses
@@ -157,7 +158,7 @@ def along(
 ) -> AlongBelt:
     """Interpolate a history of joints or links in places; see :meth:`beltdyn.Result.along_belt`."""
     line, n_b = params.route, params.n_bodies
-    radii = np.array([one.radius for one in params.pulleys])
+    radii = params._radii
     wraps = line_parts(line, radii)
     evenly = np.asarray((np.arange(n_b) + 0.5) * (line.length / n_b), dtype=np.float64)
     s = evenly if places is None else places
@@ -196,7 +197,7 @@ def cell_places(params: Params) -> Array:
 
     Of each its share of its wrap is the same wherever the axes are.
     """
-    wraps = line_parts(params.route, np.array([one.radius for one in params.pulleys]))
+    wraps = line_parts(params.route, params._radii)
     cells = params._cells
     begins = [0.0]
     for k in np.roll(np.arange(len(wraps)), -1):  # span, wrap of pulley 1, span, ...
@@ -224,7 +225,7 @@ def along_cells(
         order = np.argsort(at, kind="stable")
         at, columns = at[order], columns[order]
     found = np.array([np.interp(s, at, row[columns], period=edges[-1]) for row in values])
-    radii = np.array([one.radius for one in params.pulleys])
+    radii = params._radii
     return _told(params, name, t, s, found.reshape(t.size, s.size), line_parts(params.route, radii))
 
 
@@ -256,7 +257,7 @@ def follow(
     params: Params, force: Array, passed: Array, cell: int, at: int = -1
 ) -> tuple[NDArray[np.intp], Array]:
     """Follow a mark on an ALE belt, which is in the middle of a cell at one sample."""
-    held = np.diff(cell_places(params)) / (1.0 + force / params.belt.axial_stiffness)
+    held = np.diff(cell_places(params)) / Span(params.belt, force).stretch
     length = held.sum(axis=1)  # stress-free, but for bends and sinking in
     ends = np.cumsum(held, axis=1)
     now = (ends[at, cell] - 0.5 * held[at, cell]) / length[at]
@@ -272,7 +273,7 @@ def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
     if params._belt_facts["flows"]:
         return belt.flow
     speed = (belt.vx * np.cos(belt.phi) + belt.vy * np.sin(belt.phi)).mean(axis=1)
-    return np.asarray(speed / (1.0 + force.mean(axis=1) / params.belt.axial_stiffness))
+    return np.asarray(speed / Span(params.belt, force.mean(axis=1)).stretch)
 
 
 def momentum_flux(
@@ -283,11 +284,10 @@ def momentum_flux(
     ``m c (v_1 d_1 + v_2 d_2)`` with the flow c, the stress-free length that passes in a second, and
     the speeds v = c (1 + T / EA) of the spans beside a pulley, whose directions away from it are d.
     """
-    stiffness = params.belt.axial_stiffness
     tension = np.where(np.isnan(spans), force.mean(axis=1)[:, None], spans)
-    pull = params.belt.linear_density * flow[:, None] ** 2 * (1.0 + tension / stiffness)
+    pull = Span(params.belt, tension, flow[:, None]).centrifugal
     lines, _ = routes(params, travel)
-    way = np.array([np.roll(line.arrive, -1, axis=0) - line.leave for line in lines])
+    way = np.array([line._ways for line in lines])
     length = np.hypot(way[..., 0], way[..., 1])[..., None]
     one_way = pull[..., None] * np.divide(way, length, out=np.zeros_like(way), where=length > 0.0)
     return np.asarray(one_way - np.roll(one_way, 1, axis=1))

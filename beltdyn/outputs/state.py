@@ -84,7 +84,7 @@ def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[
     if not omega:
         raise ValueError(f"{name} must name at least one pulley")
     names = params.pulley_names
-    radii = params.route.senses * [pulley.radius for pulley in params.pulleys]
+    radii = params.route.senses * params._radii
     speeds = {
         index: real(f"{name}[{key(index, names)}]", value, "rad/s")
         for index, value in by_index(name, omega, names).items()

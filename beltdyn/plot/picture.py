@@ -339,7 +339,7 @@ class DrivePicture:
     def _place_names(self, ax: Axes) -> None:
         """Put names that do not fit on their pulleys beside them, as at the first sample shown."""
         row = range(len(self._result.t))[self._rows][0]
-        radii = np.array([pulley.radius for pulley in self._result.params.pulleys])
+        radii = self._result.params._radii
         pivots = MountPicture.reach(self._result.params.pulleys)
         belt = np.stack([self._result.belt.x[row], self._result.belt.y[row]], axis=-1)
         place_names(ax, self._titles, self._centers(row), radii, belt, marks=-1, pivots=pivots)

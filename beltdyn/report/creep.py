@@ -25,6 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base.checks import Array
+from ..drive.span import Span
 from .rows import Creep
 from .slipping import friction_limits
 from .touching import Touching
@@ -49,7 +50,7 @@ class _Of(NamedTuple):
 
 def least_speed(window: Window) -> float:
     """Return the speed of the belt below which it stands still [m/s]."""
-    radii = np.array([pulley.radius for pulley in window.params.pulleys])
+    radii = window.params._radii
     most = float(np.max(np.abs(window.run.pulleys.omega) * radii, initial=0.0))
     return max(STANDSTILL_SPEED * most, float(window.params.info["drag_speed"]))
 
@@ -64,7 +65,7 @@ def driving(window: Window, torque: Array | None) -> int | None:
     if not run._has("pulleys.omega"):
         return None
     omega = window.of(run.pulleys.omega)
-    radii = np.array([pulley.radius for pulley in window.params.pulleys])
+    radii = window.params._radii
     if not float(np.max(window.mean(np.abs(omega)) * radii)) > least_speed(window):
         return None
     if run._has("pulleys.torque"):
@@ -82,7 +83,7 @@ def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Cr
     if kept is None:
         return [], ["no creep: couplings.rim_speed not asked for (outputs of simulate)"]
     omega = window.mean(window.of(kept))
-    radii = np.array([pulley.radius for pulley in params.pulleys])
+    radii = params._radii
     rims = omega * radii * params.route.senses
     spans = window.spans()
     tension = None if spans is None else window.mean(spans)
@@ -158,7 +159,7 @@ def _of(window: Window, touching: Touching, k: int, tension: float, mu: float) -
     way = math.copysign(1.0, touching.speed)
     speed = abs(touching.speed)
     velocity = way * float(params.route.senses[k]) * mean(touching.velocity)
-    stretch = 1.0 + tension / params.belt.axial_stiffness
+    stretch = Span(params.belt, tension).stretch
     slip = velocity - speed * (mean(touching.stretch) - stretch)
     carried = 1.0 - slip / (speed * stretch)
     if not carried > 0.0:

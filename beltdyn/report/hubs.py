@@ -6,6 +6,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array
+from ..drive.span import Span
 from ..outputs.orders import belt_turning
 from ..outputs.places import routes
 from ..outputs.spans import Coordinates, mid_span, of_spans
@@ -51,19 +52,15 @@ def hub_statics(window: Window) -> Array | None:
     if params.mounted and travels is None:
         return None
     lines, _ = routes(params, travels)
-    way = np.roll([one.arrive for one in lines], -1, axis=1) - np.array([o.leave for o in lines])
+    way = np.array([one._ways for one in lines])
     spans = np.array([one.spans for one in lines])
-    belt = params.belt
-    stretch = 1.0 + tension / belt.axial_stiffness
-    speed = turning[:, None] * float(params.info["length"])  # of stress-free belt
-    pull = (tension - belt.linear_density * speed**2 * stretch)[..., None] * (
-        way / spans[..., None]
-    )
+    span = Span(params.belt, tension, turning[:, None] * float(params.info["length"]))
+    pull = span.pull[..., None] * (way / spans[..., None])
     load = pull - np.roll(pull, 1, axis=1)
     if np.any(params.gravity):
-        arcs = np.array([one.wraps for one in lines]) * [pulley.radius for pulley in params.pulleys]
-        half = 0.5 * spans
-        mass = belt.linear_density * (half + np.roll(half, 1, axis=1) + arcs) / np.nanmean(stretch)
+        arcs = np.array([one.wraps for one in lines]) * params._radii
+        half, density = 0.5 * spans, params.belt.linear_density
+        mass = density * (half + np.roll(half, 1, axis=1) + arcs) / np.nanmean(span.stretch)
         load = load + mass[..., None] * np.array(params.gravity)
     return np.asarray(load)
 

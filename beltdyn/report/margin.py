@@ -26,10 +26,10 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array
-from ..drive.compliance import depth_under
-from ..drive.mounts import Sprung
+from ..drive.compliance import depth_under, raised
 from ..drive.params import Params
 from ..drive.route import Route, route_at
+from ..drive.span import Span
 
 __all__ = ["FullSlip", "Steady", "full_slip"]
 
@@ -83,24 +83,18 @@ class _Theory:
     """Tensions at torques grown by a factor: all of them, or that of one pulley and the driver."""
 
     def __init__(self, steady: Steady, growing: int | None = None) -> None:
-        params, belt = steady.params, steady.params.belt
+        params = steady.params
         self.steady, self.params = steady, params
-        self.stiffness = belt.axial_stiffness
-        self.density = belt.linear_density
         self.length = float(params.info["length"])
         given = steady.friction
         self.mu = params._slip_limits[0] if given is None else given
-        self.radii = np.array([pulley.radius for pulley in params.pulleys])
-        self.raised = np.zeros_like(self.radii)
-        if params.effective_contact.compensate:
-            at_rest = float(params.info["strain_tension"])
-            pull = at_rest * (1.0 + at_rest / self.stiffness)
-            self.raised = depth_under(params, pull / self.radii)
+        self.radii = params._radii
+        self.raised = raised(params, self.radii)
         self.arrives = -1 if steady.speed >= 0.0 else 0
         self.before = np.arange(self.radii.size) - 1
         # Of span k the pulley k + 1 is the next one: tension on arriving is that of span k - 1.
-        self.stretch_in = 1.0 + steady.tension[steady.driver + self.arrives] / self.stiffness
-        pulls = self.less_mass(steady.tension, steady.speed)
+        self.stretch_in = self.span(steady.tension[steady.driver + self.arrives]).stretch
+        pulls = self.span(steady.tension, steady.speed).pull
         self.measured = pulls - pulls[self.before]
         per_factor = params.route.senses * steady.torque / self.radii
         if growing is not None:
@@ -117,22 +111,20 @@ class _Theory:
         """Return the unknowns of the mean state: tension of the last span, travels."""
         return np.concatenate([self.steady.tension[-1:], self.steady.travel[self.free]])
 
-    def less_mass(self, tension: Array, speed: float) -> Array:
-        return np.asarray(tension - self.density * speed**2 * (1.0 + tension / self.stiffness))
+    def span(self, tension: Any, speed: float = 0.0) -> Span:
+        return Span(self.params.belt, tension, speed)
 
     def speed_at(self, arriving: float) -> float:
         """Return the speed of the belt when it arrives at the driving pulley with this tension."""
-        return float(self.steady.speed * self.stretch_in / (1.0 + arriving / self.stiffness))
+        return float(self.steady.speed * self.stretch_in / self.span(arriving).stretch)
 
     def tensions(self, last: float, factor: float) -> tuple[Array, float]:
         """Return the tensions of all spans from that of the last one, and the belt's speed."""
         speed = self.steady.speed
         steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
         for _ in range(3):  # the speed changes by strains alone
-            mass = self.density * speed**2
-            lost = mass / self.stiffness
-            pull = last * (1.0 - lost) - mass + steps
-            tension = (pull + mass) / (1.0 - lost)
+            pull = self.span(last, speed).pull + steps
+            tension = Span.of_pull(self.params.belt, pull, speed).tension
             speed = self.speed_at(float(tension[self.steady.driver + self.arrives]))
         if np.min(pull) <= 0.0:
             raise ValueError("a span would be slack")
@@ -141,46 +133,38 @@ class _Theory:
     def _tightest(self, factor: float) -> float:
         """Return a tension of the last span with which none is slack, as a start [N]."""
         steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
-        mass = self.density * self.steady.speed**2
         spare = 0.02 * float(self.steady.tension.mean())
-        return float((mass - np.min(steps) + spare) / (1.0 - mass / self.stiffness))
+        least = float(spare - np.min(steps))
+        return float(Span.of_pull(self.params.belt, least, self.steady.speed).tension)
 
     def route(self, travels: Array) -> Route:
         if not self.params.mounted:
             return self.params.route
-        return route_at(self.params.pulleys, self.centers(travels))
+        return route_at(self.params.pulleys, self.params.centers(self.travels(travels)))
 
-    def centers(self, travels: Array) -> Array:
+    def travels(self, free: Array) -> Array:
+        """Return the travels of all mounts, from those that move."""
         full = np.array(self.steady.travel)
-        full[self.free] = travels
-        return self.params.centers(full)
+        full[self.free] = free
+        return full
 
     def _misfit(self, unknown: Array, factor: float) -> Array:
         """Return the residuals of length (relative) and of mounts (over the tension)."""
         travels = unknown[1:]
         tension, speed = self.tensions(float(unknown[0]), factor)
         way = self.route(travels)
-        pull = self.less_mass(tension, speed)
-        free = np.sum(way.spans / (1.0 + tension / self.stiffness))
-        misfit = [float(free + self._on_pulleys(tension, pull, speed, way)) / self.length]
-        ends = (way.arrive[self.before + 2 - self.radii.size] - way.leave) / way.spans[:, None]
-        centers = self.centers(travels)
-        for travel, (m, k, mount) in zip(travels, self.moving, strict=True):
+        span = self.span(tension, speed)
+        pull, free = span.pull, np.sum(way.spans / span.stretch)
+        misfit = [float(free + self._on_pulleys(pull, speed, way)) / self.length]
+        ends = way._ways / way.spans[:, None]
+        full = self.travels(travels)
+        centers, forces = self.params.centers(full), self.params._model.mount_forces(full)
+        for m, k, mount in self.moving:
             along = mount._direction(centers[k])
             held = float(along @ (pull[k] * ends[k] - pull[k - 1] * ends[k - 1]))
             scale = float(np.linalg.norm(along) * self.steady.tension.mean())
-            misfit.append((held + self._spring(m, mount, float(travel))) / scale)
+            misfit.append((held + float(forces[m])) / scale)
         return np.array(misfit) - self.offset
-
-    def _spring(self, m: int, mount: Sprung, travel: float) -> float:
-        """Return the force of spring and stops on a mount, in the sense of its travel."""
-        force = mount.spring_force - mount.stiffness * travel
-        if mount.stops is not None:
-            lowest, highest = mount.stops
-            stiffness = self.params._model.mounts[m]["stop_stiffness"]
-            force += stiffness * max(0.0, lowest - travel)
-            force -= stiffness * max(0.0, travel - highest)
-        return force
 
     def slip_angles(self, pull: Array) -> Array:
         """Return the angle of slip that each pulley needs; infinite where it has no friction."""
@@ -189,9 +173,8 @@ class _Theory:
         logs = np.abs(np.log(pull / pull[self.before]))
         return np.divide(logs, self.mu, out=np.where(logs > 0.0, np.inf, 0.0), where=self.mu > 0.0)
 
-    def _on_pulleys(self, tension: Array, pull: Array, speed: float, way: Route) -> float:
+    def _on_pulleys(self, pull: Array, speed: float, way: Route) -> float:
         """Return the stress-free length of the belt on the pulleys [m]."""
-        mass = self.density * speed**2
         first, last = pull[self.before], pull
         if self.arrives == 0:
             first, last = last, first
@@ -199,10 +182,9 @@ class _Theory:
 
         def unstretched(pulls: Array, radii: Array, raised: Array) -> Array:
             """Stress-free length per angle."""
-            tension = (pulls + mass) / (1.0 - mass / self.stiffness)
-            stretch = 1.0 + tension / self.stiffness
-            sunk = depth_under(self.params, (tension * stretch - mass) / radii) - raised
-            return np.asarray((radii - sunk) / stretch)
+            span = Span.of_pull(self.params.belt, pulls, speed)
+            sunk = depth_under(self.params, radii, span.tension, speed) - raised
+            return np.asarray((radii - sunk) / span.stretch)
 
         sticking = (way.wraps - slip) * unstretched(first, self.radii, self.raised)
         part = 0.5 * (1.0 + _AT)
@@ -289,7 +271,7 @@ def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
     try:
         unknown = theory.solve(factor, start)
         tension, speed = theory.tensions(float(unknown[0]), factor)
-        pull = theory.less_mass(tension, speed)
+        pull = theory.span(tension, speed).pull
         angles = theory.slip_angles(pull)
         return _State(factor, unknown, angles / theory.route(unknown[1:]).wraps)
     except (ValueError, np.linalg.LinAlgError):

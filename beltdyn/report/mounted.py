@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..base.checks import Array
-from ..drive.mounts import Path, Sprung
+from ..drive.mounts import Sprung
 from .pulleys import spread
 from .rows import MountRow, Spread
 from .span_rows import dominant, uneven
@@ -47,7 +47,7 @@ def mount_rows(
         row: dict[str, Any] = {"name": name, "kind": mount._row.name}
         if "travel" not in lacking:
             travel = window.of(mounts.travel)[:, m]
-            if isinstance(mount, Path):
+            if not isinstance(mount, Sprung):
                 drawn = np.array(params.pulleys[k].center)
                 travel = np.hypot(*(window.centers[:, k] - drawn).T)
             elif mount.stops is not None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.checks import Array
+from ..drive.span import Span
 from ..outputs.arcs import in_slip
 from ..outputs.gross_slip import durations
 from .margin import FullSlip, Steady, full_slip
@@ -28,13 +29,6 @@ __all__ = ["friction_limits", "slip_rows"]
 IDLE = 0.01
 #: Part of the friction in use at the worst instant from which on an idler in the mean is none.
 SWINGS = 0.3
-
-
-def less_mass(window: Window, tension: Array, speed: float | Array) -> Array:
-    """Return tensions less the centrifugal tension, T - m c^2 lambda [N]."""
-    belt = window.params.belt
-    mass = belt.linear_density * np.square(speed)
-    return np.asarray(tension - mass * (1.0 + tension / belt.axial_stiffness))
 
 
 def friction_limits(window: Window, touching: Touching) -> Array:
@@ -89,7 +83,7 @@ class _Slipping:
         # A pulley in full slip gets faster: a law that falls is down to what it has in fast slip.
         self.mu = np.array(self.params._slip_limits[0], dtype=float)
         self.reached = friction_limits(window, touching)
-        self.radii = np.array([pulley.radius for pulley in self.params.pulleys])
+        self.radii = self.params._radii
         # A shorter wrap is now and then without a link, and nothing holds its spans apart.
         least = 0.0 if self.params._belt_facts["flows"] else self.params.info["link_length"]
         self.holds = wraps * self.radii >= least
@@ -128,8 +122,9 @@ class _Slipping:
 
     def _ratios(self, tension: Array, rows: list[PulleyRow]) -> list[PulleyRow]:
         params = self.params
-        pull = less_mass(self.window, tension, self.touching.speed)
-        self.over_time = self._used(less_mass(self.window, self.tensions, self.speeds[:, None]))
+        pull = Span(self.params.belt, tension, self.touching.speed).pull
+        spans = Span(self.params.belt, self.tensions, self.speeds[:, None])
+        self.over_time = self._used(spans.pull)
         mean = self._used(pull)
         found = []
         for k, row in enumerate(rows):
@@ -229,8 +224,11 @@ class _Slipping:
         if not working.any():
             return rows
         if self.driver is not None and self.touching.reverses(self.window):
-            stretch = 1.0 + float(np.mean(tension)) / self.params.belt.axial_stiffness
-            low, high = (stretch * end(self.speeds) for end in (np.nanmin, np.nanmax))
+            mean = float(np.mean(tension))
+            low, high = (
+                Span(self.params.belt, mean, end(self.speeds)).speed
+                for end in (np.nanmin, np.nanmax)
+            )
             self.notes.append(
                 f"no margin of mean torques: the belt's speed goes from {low:.3g} to "
                 f"{high:.3g} m/s in this window"

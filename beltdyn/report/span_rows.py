@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..base.checks import Array
 from ..base.naming import span_name
+from ..drive.span import Span
 from ..outputs.averages import mean_over, time_weights
 from ..outputs.orders import Source, lines_at, sources
 from .hubs import middles
@@ -17,7 +18,7 @@ from .rows import SpanRow, Spread
 from .touching import Touching
 from .window import Window
 
-__all__ = ["Line", "dominant", "moving_string", "span_rows", "uneven"]
+__all__ = ["Line", "dominant", "span_rows", "uneven"]
 
 #: A line stands out if it holds this part of the variance and is this many times the median of the
 #: spectrum: of noise, the largest of 1e4 bins is not so high in one case of a hundred.
@@ -75,12 +76,6 @@ def dominant(t: Array, values: Array) -> Line | None:
     return Line(float((k + shift) * step), float(amplitude))
 
 
-def moving_string(tension: float, density: float, length: float, speed: float) -> float:
-    """Return the first frequency of a moving string [Hz]: (c^2 - v^2) / (2 l c), or 0."""
-    wave = float(np.sqrt(tension / density))
-    return max(0.0, (wave**2 - speed**2) / (2.0 * length * wave))
-
-
 def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow], list[str]]:
     """Return the rows, and what is missing in them."""
     params, run = window.params, window.run
@@ -132,13 +127,9 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
             least = float(np.nanmin(history))  # of instants: a blow is none of the mesh
         if least <= 0.0:
             notes.append(f"span {name} goes slack: down to {least:.3g} N in its middle")
-        if tension is not None and tension.mean > 0.0:
-            stretch = 1.0 + tension.mean / params.belt.axial_stiffness
-            speed = 0.0 if touching is None else touching.speed * stretch
-            if touching is not None and way is not None:
-                row["lateral"] = moving_string(
-                    tension.mean, params.belt.linear_density / stretch, row["length"], speed
-                )
+        if tension is not None and tension.mean > 0.0 and touching is not None and way is not None:
+            span = Span(params.belt, tension.mean, touching.speed)
+            row["lateral"] = span.string_frequency(row["length"])
         if history is not None and not not_even and tension is not None:
             line = dominant(window.t, history)
             if line is not None and line.amplitude > MIN_AMPLITUDE * abs(tension.mean):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..base.checks import Array
 from ..drive.compliance import running_radius
+from ..drive.span import Span
 from ..outputs.arcs import contact_points
 from ..outputs.gross_slip import GrossSlip, gross_slip
 from .window import Window, missing
@@ -114,7 +115,7 @@ def touching(window: Window) -> Touching | None:
     at = contact_points(params, run.belt, window.rows)
     x, y = at[..., 0], at[..., 1]
     if facts["flows"]:
-        stretch = 1.0 + force / params.belt.axial_stiffness
+        stretch = Span(params.belt, force).stretch
     else:
         deformation = window.of(run.joints.deformation)
         if not facts["at_joints"]:  # friction acts between the joints, or bars, on both sides
@@ -129,7 +130,7 @@ def touching(window: Window) -> Touching | None:
     normal, friction = window.of(run.contact.normal), window.of(run.contact.friction)
     speed, speeds = _speed(window, touched, stretch)
     if facts["flows"]:
-        radii = np.array([pulley.radius for pulley in params.pulleys])[touched]
+        radii = params._radii[touched]
         running = running_radius(params, radii, force, speeds[:, None])
         dx, dy, radius, chord = dx * running / radius, dy * running / radius, running, np.ones(1)
     else:

@@ -240,7 +240,7 @@ class Window:
         names = self.params.pulley_names
         if self.run._has("pulleys.omega"):
             omega = self.of(self.run.pulleys.omega)
-            scale = float(np.max(np.abs(omega) * [p.radius for p in self.params.pulleys]))
+            scale = float(np.max(np.abs(omega) * self.params._radii))
             least = float(self.params.info["drag_speed"])  # what errors of speeds leave
             for k, pulley in enumerate(self.params.pulleys):
                 before, after = self._halves(omega[:, k])

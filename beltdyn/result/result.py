@@ -343,7 +343,7 @@ class Result:
         return rims
 
     def _slip(self, omega: Array) -> Array:
-        radii = np.array([pulley.radius for pulley in self.params.pulleys])
+        radii = self.params._radii
         speed = omega * radii * self.params.route.senses
         first = np.abs(speed[:, :1])
         stands = first <= 1e-3 * np.max(first, initial=0.0)

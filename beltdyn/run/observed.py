@@ -89,7 +89,7 @@ def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     info = params.info
     added = params.belt.axial_stiffness * info["mesh_strain"]
     tension = params.belt.preload or info["strain_tension"] + added
-    carried = 2.0 * tension * np.array([pulley.radius for pulley in params.pulleys])
+    carried = 2.0 * tension * params._radii
     size = np.abs(pulleys.torque)
     size[:, list(moved)] = 0.0
     # in a twentieth of the samples: a controller may set extreme torques for a moment

@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 import attrs
+import numpy as np
 
 from .. import _core
 from ..base.checks import Array
@@ -17,7 +18,7 @@ from ..base.stopping import stoppable
 from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.callback_errors import CallbackErrors
-from ..loads.motions import CrankMotion, Motion, as_motions, first_speeds, motion_terms
+from ..loads.motions import CrankMotion, Motion, as_motions, motion_terms
 from ..loads.torques import as_terms
 from ..outputs.accuracy_report import Expected
 from ..outputs.histories import Stats
@@ -283,9 +284,11 @@ def first_speed(
     """
     later = breakpoints[breakpoints > 0.0]
     until = min(end, float(later[0])) if later.size else end
+    still = np.zeros(len(params.pulleys))
     with _nothing_computed(params):
-        speeds = first_speeds(motions, 0.0, until, params.pulley_names)
-    return speeds if any(speeds.values()) else None
+        terms = motion_terms(motions)
+        _, speeds = params._laid.torques((), terms, 0.0, until, still, still)
+    return {k: float(speeds[k]) for k in motions} if speeds.any() else None
 
 
 def _excused(one: RunWarning, error: float | None) -> str:

@@ -118,7 +118,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
     if t.size < 2 or t[-1] <= t[0]:
         raise ValueError("the run must have samples at two times at least")
     params, omega = result.params, result.pulleys.omega
-    radii = np.array([pulley.radius for pulley in params.pulleys])
+    radii = params._radii
     late = time_weights(t, t[-1] - share * (t[-1] - t[0]))
     tension = mid_span(params, result.belt, result.joints.force)
     forces = _per_pulley(result.contact.friction, result.contact.pulley, radii.size)

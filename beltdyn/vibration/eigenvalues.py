@@ -40,8 +40,7 @@ Found = tuple[Complex, Complex]
 
 def first_rate(params: Params) -> float:
     """Estimate the lowest rate of the spans as strings [rad/s]."""
-    wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
-    return float(np.pi * wave / np.max(params.route.spans))
+    return float(np.pi * params._wave_speed / np.max(params.route.spans))
 
 
 class _Krylov:

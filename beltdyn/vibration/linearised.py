@@ -205,7 +205,7 @@ def _jacobian(
 def _units(params: Params, names: Any, jacobian: Any) -> Array:
     """Sizes of the unknowns at a motion of the belt by 1 m, and of velocities by 1 m/s."""
     info, unit = params.info, np.ones(len(names))
-    radii = np.array([pulley.radius for pulley in params.pulleys])
+    radii = params._radii
     unit[np.isin(names, ["phi", "vphi"])] = 2.0 / float(info["link_length"])
     for name in ("theta", "omega"):
         unit[names == name] = 1.0 / radii
@@ -242,8 +242,7 @@ def speed_of(params: Params, core: Mapping[str, Any]) -> float:
     if not params._belt_facts["flows"]:
         return passing_of(params, core) * float(params.info["link_length"])
     speed = float(np.mean(core["v"]))
-    wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
-    return speed if abs(speed) > STANDSTILL_SPEED * wave else 0.0
+    return speed if abs(speed) > STANDSTILL_SPEED * params._wave_speed else 0.0
 
 
 def passing_of(params: Params, core: Mapping[str, Any]) -> float:
@@ -253,8 +252,7 @@ def passing_of(params: Params, core: Mapping[str, Any]) -> float:
     dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
     along = (core["vx"] * dx + core["vy"] * dy) / (dx * dx + dy * dy) * 2.0
     passing = float(np.mean(along))
-    wave = np.sqrt(float(params.info["mean_tension"]) / params.belt.linear_density)
-    slow = STANDSTILL_SPEED * wave / float(params.info["link_length"])
+    slow = STANDSTILL_SPEED * params._wave_speed / float(params.info["link_length"])
     return passing if abs(passing) > slow else 0.0
 
 

@@ -60,7 +60,7 @@ def states_over(
         states, time = [state], 1.0 / (abs(a) * phases)
     else:
         inertia = params.shaft_inertias
-        radii = np.array([pulley.radius for pulley in params.pulleys])
+        radii = params._radii
         rate = first_rate(params)
         turn = PERIODS * 2.0 * np.pi / rate
         speeds = params.route.senses * float(params.info["link_length"]) / (turn * radii)

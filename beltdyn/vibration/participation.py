@@ -77,7 +77,7 @@ def sections(linear: Linear) -> Sections:
     touched = params._cells if flows else params._model.observe(linear.state)["pulley"][0]
     centers = params.centers(linear.state["travel"]) if params.mounted else params.centers()
     way = route_at(params.pulleys, np.asarray(centers))
-    along = np.roll(way.arrive, -1, axis=0) - way.leave
+    along = way._ways
     along /= np.hypot(*along.T)[:, None]
     span = np.full(touched.size, -1)
     if (touched >= 0).any():
@@ -286,7 +286,7 @@ def _rotating(
     The energy of a pulley is that of both; it goes to each by its inertia.
     """
     names, coupled = list(params.pulley_names), list(params.coupled)
-    radii = params.route.senses * np.array([pulley.radius for pulley in params.pulleys])
+    radii = params.route.senses * params._radii
     theta = linear.field(vector, "theta")[:, 0]
     if not coupled:
         return names, shares, radii * theta

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from .. import _core
 from ..base.checks import Array
 from ..drive.params import Params
 from ..loads.torques import TorqueLike, as_terms
@@ -21,20 +20,9 @@ _ANGLE, _SPEED, _RELATIVE = 1e-5, 1e-4, 1e-4
 
 def torques_at(params: Params, core: Mapping[str, Any], torque: TorqueLike) -> Array:
     """Return the set torques at a state (n_p,) [N m], as the core evaluates them in a run."""
-    now = float(core["t"])
-    run = _core.Simulation(
-        params._model,
-        core,
-        as_terms(torque, params.pulley_names),
-        now + 1e-9 * max(1.0, abs(now)),
-        ledger=False,
-        guards=False,
-        torque_interval=1.0,
-    )
-    seen = run.sample(np.array([now]), ["torque"])["torque"]
-    while not run.advance(1.0):
-        pass
-    return np.array(seen[0])
+    now, terms = float(core["t"]), as_terms(torque, params.pulley_names)
+    found, _ = params._model.torques(terms, (), now, now, core["theta"], core["omega"])
+    return found
 
 
 def torque_slopes(params: Params, state: State, torque: TorqueLike) -> tuple[Array, Array]:

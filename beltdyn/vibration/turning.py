@@ -26,7 +26,7 @@ SLOW, LOSSY = 1e-4, 0.1
 def rigid_turning(linear: Linear) -> Array:
     """Return the unknowns (size,) as the drive turns with the belt at 1 m/s, displaced by 1 m."""
     core, params = linear.state, linear.params
-    radii = np.array([pulley.radius for pulley in params.pulleys])
+    radii = params._radii
     way = {"theta": params.route.senses / radii}
     way["rim_speed"] = way["theta"][list(params.coupled)]
     way["omega"] = way["theta"]
@@ -68,7 +68,7 @@ def rigid_rates(linear: Linear) -> tuple[float, float]:
     params = linear.params
     one = rigid_turning(linear)[:, None].astype(complex)
     inertia = float(np.sum(abs(weighted(linear, one)) ** 2))
-    turns = params.route.senses / np.array([pulley.radius for pulley in params.pulleys])
+    turns = params.route.senses / params._radii
     by_angle, by_speed = (-float(turns @ slope @ turns) for slope in linear.torque_slopes)
     return by_angle / inertia, by_speed / inertia
 

@@ -211,6 +211,44 @@ static PyObject *model_rate(PyObject *object, PyObject *args, PyObject *keywords
   return result;
 }
 
+static PyObject *model_torques(PyObject *object, PyObject *args, PyObject *keywords) {
+  static const int never = 0;
+  const bd_core_model *self = (bd_core_model *)object;
+  const npy_intp n_pulleys = self->info.n_pulleys;
+  PyObject *terms, *motions, *angles, *speeds, *result = NULL;
+  double t, until;
+  const bd_argument rows[] = {{"torque", BD_OBJECT, &terms},
+                              {"motion", BD_OBJECT, &motions},
+                              {"t", BD_FINITE, &t},
+                              {"until", BD_FINITE, &until},
+                              {"theta", BD_OBJECT, &angles},
+                              {"omega", BD_OBJECT, &speeds},
+                              {0}};
+  if (bd_convert_arguments(args, keywords, "OOOOOO:torques", rows) < 0) {
+    return NULL;
+  }
+  bd_core_torque given;
+  bd_error err = {0};
+  PyArrayObject *theta = bd_convert_array(angles, "theta", 1, &n_pulleys);
+  PyArrayObject *omega = theta ? bd_convert_array(speeds, "omega", 1, &n_pulleys) : NULL;
+  PyArrayObject *moved = omega ? (PyArrayObject *)PyArray_NewCopy(omega, NPY_CORDER) : NULL;
+  PyArrayObject *torque =
+      moved ? (PyArrayObject *)PyArray_SimpleNew(1, &n_pulleys, NPY_DOUBLE) : NULL;
+  if (torque) {
+    if (bd_core_torque_read(&given, terms, NULL, motions, self->model, &never) == 0) {
+      const int code = bd_model_torques(self->model, &given.torque, t, until, PyArray_DATA(theta),
+                                        PyArray_DATA(moved), PyArray_DATA(torque), &err);
+      result = bd_core_result(Py_BuildValue("(OO)", torque, moved), code, &err);
+    }
+    bd_core_torque_release(&given);
+  }
+  Py_XDECREF(theta);
+  Py_XDECREF(omega);
+  Py_XDECREF(moved);
+  Py_XDECREF(torque);
+  return result;
+}
+
 static PyObject *model_observe(PyObject *object, PyObject *mapping) {
   const bd_core_model *self = (bd_core_model *)object;
   bd_state state;
@@ -356,6 +394,18 @@ static PyObject *model_energy_terms(PyObject *object, void *Py_UNUSED(closure)) 
   return bd_core_tuple(all);
 }
 
+static PyObject *model_mount_forces(PyObject *object, PyObject *travel) {
+  bd_core_model *self = (bd_core_model *)object;
+  const npy_intp mounts = self->info.n_mounts;
+  PyArrayObject *given = bd_convert_array(travel, "travel", 1, &mounts);
+  PyArrayObject *force = given ? (PyArrayObject *)PyArray_SimpleNew(1, &mounts, NPY_DOUBLE) : NULL;
+  if (force) {
+    bd_model_mount_forces(self->model, PyArray_DATA(given), PyArray_DATA(force));
+  }
+  Py_XDECREF(given);
+  return (PyObject *)force;
+}
+
 static PyObject *model_centers(PyObject *object, PyObject *travel) {
   bd_core_model *self = (bd_core_model *)object;
   const npy_intp mounts = self->info.n_mounts, shape[2] = {self->info.n_pulleys, 2};
@@ -368,12 +418,46 @@ static PyObject *model_centers(PyObject *object, PyObject *travel) {
   return (PyObject *)centers;
 }
 
+/* Arrays of one shape, element by element. */
+static PyObject *model_depth(PyObject *object, PyObject *args) {
+  static const char *const names[] = {"radius", "tension", "speed"};
+  const bd_model *model = ((bd_core_model *)object)->model;
+  PyObject *given[3];
+  PyArrayObject *at[3] = {NULL}, *depth = NULL;
+  if (!PyArg_ParseTuple(args, "OOO:depth", &given[0], &given[1], &given[2])) {
+    return NULL;
+  }
+  for (int k = 0; k < 3 && (k == 0 || at[k - 1]); ++k) {
+    at[k] = k == 0 ? bd_convert_array(given[k], names[k], BD_ANY, NULL)
+                   : bd_convert_array(given[k], names[k], PyArray_NDIM(at[0]), PyArray_DIMS(at[0]));
+  }
+  if (at[2]) {
+    depth =
+        (PyArrayObject *)PyArray_SimpleNew(PyArray_NDIM(at[0]), PyArray_DIMS(at[0]), NPY_DOUBLE);
+  }
+  for (npy_intp n = 0; depth && n < PyArray_SIZE(depth); ++n) {
+    const double *radius = PyArray_DATA(at[0]), *tension = PyArray_DATA(at[1]),
+                 *speed = PyArray_DATA(at[2]);
+    ((double *)PyArray_DATA(depth))[n] = bd_model_depth(model, radius[n], tension[n], speed[n]);
+  }
+  for (int k = 0; k < 3; ++k) {
+    Py_XDECREF(at[k]);
+  }
+  return (PyObject *)depth;
+}
+
 static PyMethodDef model_methods[] = {
     {"check_geometry", model_check_geometry, METH_NOARGS,
      "check_geometry($self, /)\n--\n\nCheck that the belt can run on the pulleys."},
     {"centers", model_centers, METH_O,
      "centers($self, travel, /)\n--\n\n"
      "Axes of all pulleys (n_p, 2) [m] at travels of the mounts (n_m,)."},
+    {"mount_forces", model_mount_forces, METH_O,
+     "mount_forces($self, travel, /)\n--\n\n"
+     "Springs, hung weights and stops on mounts that stand at these travels (n_m,)."},
+    {"depth", model_depth, METH_VARARGS,
+     "depth($self, radius, tension, speed, /)\n--\n\n"
+     "Depth to which the belt sinks into pulleys [m], element by element."},
     BD_CORE_KEYWORDS(
         "solve", model_solve,
         "solve($self, /, state, g, c)\n--\n\n"
@@ -384,6 +468,9 @@ static PyMethodDef model_methods[] = {
     BD_CORE_KEYWORDS("set_going", model_set_going,
                      "set_going($self, /, state, speed)\n--\n\n"
                      "A state with its belt running along itself and all pulleys turning with it."),
+    BD_CORE_KEYWORDS("torques", model_torques,
+                     "torques($self, /, torque, motion, t, until, theta, omega)\n--\n\n"
+                     "Set torques (n_p,) and speeds (n_p,) at a time, those of motions in them."),
     {"observe", model_observe, METH_O,
      "observe($self, state, /)\n--\n\n"
      "What a run would sample at a state, without torques."},

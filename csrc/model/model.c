@@ -78,15 +78,6 @@ static double spectral_bound(const bd_info *info, double shear) {
   return discriminant > 0.0 ? 0.5 * (d + sqrt(discriminant)) : sqrt(k);
 }
 
-/* How far a belt under this tension sinks into a pulley: the root p of c1' p^2 + c2' p = T lambda /
- * R. lambda = 1 + T / EA, because c1' and c2' are per metre of the stress-free belt, of which a
- * metre of arc holds less. */
-static double contact_depth(const bd_model *model, int j, double tension) {
-  const double stretched = 1.0 + tension / model->belt.axial_stiffness;
-  return bd_contact_depth(model->contact.quadratic, model->contact.linear,
-                          tension * stretched / model->radius[j]);
-}
-
 /* Links whose ends lie on the circle of R a / sin a, a half the angle of a link, have the length of
  * the arcs of radius R that they stand for. A compensated contact begins so far outside that the
  * belt, under its preload, sinks in to these. */
@@ -98,7 +89,7 @@ static double contact_radius(const bd_model *model, int j) {
   const double a = 0.5 * stretched * model->info.link_length / radius;
   const int chords = !is->tangents && !model->drive; /* or arcs */
   return (chords && a < 0.5 * BD_PI ? radius * a / sin(a) : radius) +
-         (sinks ? contact_depth(model, j, model->info.strain_tension) : 0.0);
+         (sinks ? bd_model_depth(model, radius, model->info.strain_tension, 0.0) : 0.0);
 }
 
 double bd_tangent_length(const bd_model *model, int j, int k, double apart) {
@@ -130,7 +121,7 @@ static double links_between(const bd_model *model, int j, int k) {
 static double dip(const bd_model *model, int j) {
   const double length = model->info.link_length;
   const double tension = 2.0 * model->info.strain_tension;
-  const double depth = tension > 0.0 ? contact_depth(model, j, tension) : 0.0;
+  const double depth = tension > 0.0 ? bd_model_depth(model, model->radius[j], tension, 0.0) : 0.0;
   return sqrt(0.25 + 2.0 * model->radius[j] * depth / (length * length));
 }
 
@@ -263,7 +254,8 @@ static double contact_strain(const bd_model *model) {
   for (int k = 0; k < 60; ++k) {
     double left = 0.5 * (low + high), sunk = 0.0;
     for (int j = 0; j < model->lay.np; ++j) {
-      sunk += model->wraps[j].wrap * contact_depth(model, j, model->belt.axial_stiffness * left);
+      sunk += model->wraps[j].wrap *
+              bd_model_depth(model, model->radius[j], model->belt.axial_stiffness * left, 0.0);
     }
     if (left > model->info.strain - sunk / model->belt.length) {
       high = left;
@@ -280,7 +272,7 @@ static const double MOST_RAISED = 0.1;
 
 static void check_compensation(bd_model *model) {
   for (int j = 0; model->contact.compensate && j < model->lay.np; ++j) {
-    const double depth = contact_depth(model, j, model->info.strain_tension);
+    const double depth = bd_model_depth(model, model->radius[j], model->info.strain_tension, 0.0);
     if (!(depth <= MOST_RAISED * model->radius[j])) {
       bd_fail_at(&model->geometry, BD_ERR_GEOMETRY, "contact.compensate", (double)NAN, -1, j, depth,
                  "contact.compensate: at a tension of %.3g N the belt sinks %.3g m into %s, at "

@@ -374,3 +374,13 @@ double bd_mount_stored(const bd_mounted *mount, double q) {
   return 0.5 * mount->stiffness * q * q - mount->preload * q +
          0.5 * mount->stop_stiffness * (low * low + high * high);
 }
+
+void bd_model_mount_forces(const bd_model *model, const double *travel, double *force) {
+  for (int m = 0; m < model->lay.nm; ++m) {
+    const bd_mounted *mount = &model->mounts[m];
+    double loss = 0.0;
+    force[m] = mount->row->moves
+                   ? bd_mount_spring(mount, travel[m]) + bd_mount_stop(mount, travel[m], 0.0, &loss)
+                   : 0.0;
+  }
+}

@@ -34,14 +34,19 @@ double bd_shorter_at_end(double pull, double bending, double radius, double dept
          0.25 * K * K * m * m * m - 0.5 * squared;
 }
 
-/* What presses the belt on its pulleys, times their radius. */
+/* What presses a metre of stress-free belt on its pulley, times its radius: T lambda - rho v^2,
+ * lambda = 1 + T / EA, because c1' and c2' are per metre of that belt. */
 static double pull_of(const bd_model *model, double tension, double speed) {
   const double stretched = 1.0 + tension / model->belt.axial_stiffness;
   return fmax(0.0, tension * stretched - model->belt.linear_density * speed * speed);
 }
 
-static double depth_of(const bd_model *model, int j, double pull) {
-  return bd_contact_depth(model->contact.quadratic, model->contact.linear, pull / model->radius[j]);
+static double depth_under(const bd_model *model, double radius, double pull) {
+  return bd_contact_depth(model->contact.quadratic, model->contact.linear, pull / radius);
+}
+
+double bd_model_depth(const bd_model *model, double radius, double tension, double speed) {
+  return depth_under(model, radius, pull_of(model, tension, speed));
 }
 
 /* Mounts that move give way to a belt that runs, so that the pull which presses it on its pulleys
@@ -53,11 +58,11 @@ double bd_running_tension(const bd_model *model, double speed) {
 }
 
 double bd_running_radius(const bd_model *model, int j, double tension, double speed) {
-  const double sunk = depth_of(model, j, pull_of(model, tension, speed));
+  const double radius = model->radius[j], sunk = bd_model_depth(model, radius, tension, speed);
   const double raised = model->contact.compensate
-                            ? depth_of(model, j, pull_of(model, model->info.strain_tension, 0.0))
+                            ? bd_model_depth(model, radius, model->info.strain_tension, 0.0)
                             : 0.0;
-  return model->radius[j] - (sunk - raised);
+  return radius - (sunk - raised);
 }
 
 /* The length of a bend at the end of a wrap, sqrt(EI / T), up to where those of both ends take half
@@ -117,7 +122,7 @@ static double shorter(const bd_model *model, double tension, double speed) {
   double sum = 0.0;
   for (int j = 0; j < model->lay.np; ++j) {
     const double radius = model->radius[j], wrap = model->wraps[j].wrap;
-    const double depth = depth_of(model, j, pull);
+    const double depth = depth_under(model, radius, pull);
     sum += wrap * (radius - bd_running_radius(model, j, tension, speed));
     if (depth > 0.0) {
       const int next = (j + 1) % model->lay.np;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
  * The model at one state, without a run: its rate, its outputs, its Jacobian by the systems it
- * solves; the same state with the belt running.
+ * solves; the same state with the belt running; torques and prescribed speeds at a moment.
  */
 #include <math.h>
 
@@ -52,6 +52,36 @@ int bd_model_rate(const bd_model *model, const bd_state *state, const double *to
     export_rate(model, sim->stepper.stage[0], out);
   }
   bd_sim_free(sim);
+  return code;
+}
+
+static bd_torque_set *carve_torques(bd_carver *carver, const bd_model *model,
+                                    const bd_torque *given) {
+  bd_torque_set *out, none = {0};
+  BD_CARVE(carver, out, 1);
+  bd_torque_set_carve(carver, carver->base ? out : &none, model, given);
+  return out;
+}
+
+int bd_model_torques(const bd_model *model, const bd_torque *given, double t, double until,
+                     const double *theta, double *omega, double *torque, bd_error *err) {
+  bd_carver carver = {0};
+  carve_torques(&carver, model, given);
+  void *block = bd_block_new(carver.used);
+  if (!block) {
+    return bd_fail(err, BD_ERR_MEMORY, "torque", "out of memory for torques");
+  }
+  carver = (bd_carver){.base = block};
+  bd_torque_set *set = carve_torques(&carver, model, given);
+  int code = bd_torque_set_fill(set, given, err);
+  set->motion.begin = t;
+  set->motion.end = until;
+  code = code == BD_OK ? bd_motion_set_eval(set, t, t, err) : code;
+  for (size_t k = 0; code == BD_OK && k < set->motion.n; ++k) {
+    omega[set->motion.motions[k].pulley] = set->motion.omega[k];
+  }
+  code = code == BD_OK ? bd_torque_set_eval(set, t, t, theta, omega, torque, err) : code;
+  bd_block_free(block);
   return code;
 }
 
