@@ -18,8 +18,7 @@ _KEPT_NAMES = {
         "rules sanity scene tensioning toml"
     ),
     "base": (
-        "blocks checks columns described files html naming npz optional rounding "
-        "run_warnings stopping"
+        "checks columns described files html naming npz optional rounding run_warnings stopping"
     ),
     "run": "checkpoints memory observed progress resuming settling simulation start_of_run",
     "result": "errors exported labelled saved",

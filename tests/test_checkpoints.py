@@ -4,14 +4,15 @@ file to the result of a run that was not stopped, bit for bit; what the file can
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
-import errno
 import itertools
 import multiprocessing
 import os
 import pickle
 import random
 import signal
+import sqlite3
 import time
 import warnings
 from collections.abc import Callable
@@ -26,8 +27,7 @@ from module_common import refused
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.base import npz
-from beltdyn.base.blocks import BlockFile
+from beltdyn.base import npz, sqlite
 from beltdyn.outputs.histories import GROUPS
 from beltdyn.run import checkpoints, start_of_run
 
@@ -88,22 +88,39 @@ def often(path: Path) -> bd.Checkpoint:
     return bd.Checkpoint(path, every=0.0)
 
 
-def opened(path: Path, write: bool = False) -> BlockFile:
-    return BlockFile(path, checkpoints._MARK, b"rest", write=write)
+def opened(path: Path, write: bool = False) -> contextlib.closing[sqlite3.Connection]:
+    return contextlib.closing(sqlite.opened(path, checkpoints._TABLES, write=write))
 
 
-def commits(path: Path) -> list[int]:
-    """Where the file may be cut: after its head, and after each restart record."""
-    with opened(path) as file:
-        ends = [block.begin + block.size + 32 for block in file.blocks if block.kind != b"rows"]
-        assert file.cut == 0
-    return ends
+def parts(path: Path, kind: str = "%") -> list[tuple[str, bytes]]:
+    """What is in a file, in its order."""
+    with opened(path) as db:
+        query = "SELECT kind, content FROM parts WHERE kind LIKE ? ORDER BY id"
+        return list(db.execute(query, (kind,)))
 
 
 def last_record(path: Path) -> Any:
-    """What stands before the last restart record: its time is the second, those spent follow."""
-    with opened(path) as file:
-        return checkpoints._BEFORE.unpack_from(file.content(file.blocks[-1]))
+    """What stands before the restart record: its time is the second, those spent follow."""
+    return checkpoints._BEFORE.unpack_from(parts(path, "rest")[0][1])
+
+
+@pytest.fixture
+def writes(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
+    """What is in the file of a run after it is made, and after each write."""
+    found: list[bytes] = []
+
+    def noting(method: Any) -> Any:
+        def call(self: Any, *given: Any) -> Any:
+            done = method(self, *given)
+            if not isinstance(self, checkpoints.Continued):
+                found.append(Path(self.path).read_bytes())
+            return done
+
+        return call
+
+    for kind, name in ((checkpoints.Fresh, "begin"), (checkpoints.Recorder, "_write")):
+        monkeypatch.setattr(kind, name, noting(getattr(kind, name)))
+    return found
 
 
 @pytest.fixture
@@ -112,32 +129,30 @@ def short_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("beltdyn.run.run.CHUNK", 0.0)
 
 
-def goes_on(path: Path, expected: bd.Result, at: list[int]) -> None:
-    """From the file cut at each of these lengths the run goes on; only the copy is written."""
-    whole = path.read_bytes()
+def goes_on(path: Path, expected: bd.Result, contents: list[bytes]) -> None:
+    """From the file with each of these contents the run goes on; only the copy is written."""
     copy = path.with_name("copy")
-    for length in at:
-        copy.write_bytes(whole[:length])
-        assert same(bd.resume(copy), expected), length
+    for content in contents:
+        copy.write_bytes(content)
+        assert same(bd.resume(copy), expected)
     assert same(bd.resume(copy), expected)  # it is written to its end now
 
 
-def some(path: Path, seed: int) -> list[int]:
-    """An end of a write, a length at which no write ends, and the first end."""
-    ends, rng = commits(path), random.Random(seed)
-    return [rng.choice(ends[1:-1] or ends), rng.randint(ends[0], ends[-1]), ends[0]]
+def some(writes: list[bytes], seed: int) -> list[bytes]:
+    """What was there after some write, and before the first."""
+    return [random.Random(seed).choice(writes[1:-1] or writes), writes[0]]
 
 
 @pytest.mark.parametrize("name", METHODS)
-def test_every_method_goes_on_from_anywhere(name: str, tmp_path: Path) -> None:
+def test_every_method_goes_on_from_anywhere(name: str, tmp_path: Path, writes: list[bytes]) -> None:
     # with a short fixed step there are many steps, and so records, in a short time
     t_end = 0.01 if "fixed" in name else 0.04
     scene, path = small(t_end), tmp_path / "run"
     options: dict[str, Any] = {**METHODS[name][0], "t_eval": np.linspace(0.0, t_end, 57)}
     expected = bd.simulate(*scene[:3], **options)
     assert same(bd.simulate(*scene[:3], checkpoint=often(path), **options), expected)
-    assert len(commits(path)) >= 3
-    goes_on(path, expected, some(path, 1))
+    assert len(writes) >= 3
+    goes_on(path, expected, some(writes, 1))
 
 
 MAXWELL = bd.MaxwellSlip(mu=(0.3, 0.3), stiffness=(1e8, 2e7), damping=(1e3, 1e3))
@@ -164,16 +179,18 @@ CALLS: dict[str, tuple[Callable[[], bd.Scene], dict[str, Any]]] = {
 
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", CALLS)
-def test_whatever_it_is_called_with_is_in_the_file(name: str, tmp_path: Path) -> None:
+def test_whatever_it_is_called_with_is_in_the_file(
+    name: str, tmp_path: Path, writes: list[bytes]
+) -> None:
     make, options = CALLS[name]
     scene, path = make(), tmp_path / "run"
     expected = bd.simulate(*scene, **options)
     bd.simulate(*scene, checkpoint=often(path), **options)
-    goes_on(path, expected, some(path, 2))
+    goes_on(path, expected, some(writes, 2))
 
 
-def test_it_begins_from_any_state_and_writes_samples_in_several_blocks(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_it_begins_from_any_state_and_writes_samples_in_several_rows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writes: list[bytes]
 ) -> None:
     """Also from one at a time before 0, of a run that ends before 0."""
     monkeypatch.setattr(checkpoints, "_MOST_ROWS", 50_000)
@@ -181,11 +198,9 @@ def test_it_begins_from_any_state_and_writes_samples_in_several_blocks(
     first = attrs.evolve(bd.simulate(*scene, 0.01, t_eval=[]).final_state, t=-0.05)
     expected = bd.simulate(*scene, -0.03, initial=first)
     bd.simulate(*scene, -0.03, initial=first, checkpoint=path)
-    with opened(path) as file:
-        kinds = [block.kind for block in file.blocks]
-        assert max(block.size for block in file.blocks if block.kind == b"rows") <= 50_000
-    assert kinds.count(b"rows") > 10 and kinds.count(b"rest") == 1
-    goes_on(path, expected, commits(path))
+    rows = parts(path, "rows")
+    assert len(rows) > 10 and max(len(content) for _, content in rows) <= 50_000
+    goes_on(path, expected, writes)
 
 
 def driven(t: float, _theta: Any, omega: Any) -> list[float]:
@@ -315,8 +330,7 @@ def test_a_limit_of_steps_can_be_raised_and_times_add_up(tmp_path: Path) -> None
         bd.simulate(*scene[:3], method="tsit5", max_steps=200, checkpoint=path)
     with limited:
         bd.resume(path)
-    with opened(path) as file:
-        start = start_of_run.unpack(file.content(file.blocks[0]))[0]
+    start = start_of_run.unpack(parts(path, "head")[0][1])[0]
     expected, before = bd.simulate(*scene[:3], method="tsit5"), last_record(path)[1:4]
     for _ in range(2):  # the second time it has finished
         result = bd.resume(path, max_steps=10**6)
@@ -352,21 +366,24 @@ def test_a_full_disk_does_not_end_the_run(
     """What was written stays; with ``again`` there is room for the last write."""
     scene, path = small(), tmp_path / "run"
     expected = bd.simulate(*scene[:3])
-    real: Any = BlockFile._write
-    room, failed = [200_000], [0]
+    begin, write = checkpoints.Fresh.begin, checkpoints.Recorder._write
 
-    def write(self: BlockFile, view: memoryview) -> None:
-        if view.nbytes > room[0]:
-            failed[0] += 1
-            if again and failed[0] == 3:
-                room[0] = 10**9
-            else:
-                real(self, view[: room[0]])
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        real(self, view)
-        room[0] -= view.nbytes
+    def room(recorder: checkpoints.Recorder, pages: int) -> None:
+        assert recorder._db is not None
+        recorder._db.execute(f"PRAGMA max_page_count = {pages}")
 
-    monkeypatch.setattr(BlockFile, "_write", write)
+    def begun(self: Any, *given: Any) -> Any:
+        spent = begin(self, *given)
+        room(self, 50)
+        return spent
+
+    def written(self: Any) -> None:
+        if again and len(self._failures) == 2:
+            room(self, 10**6)
+        write(self)
+
+    monkeypatch.setattr(checkpoints.Fresh, "begin", begun)
+    monkeypatch.setattr(checkpoints.Recorder, "_write", written)
     with pytest.warns(bd.BeltdynWarning, match=r"^checkpoint: .*No space left on device"):
         result = bd.simulate(*scene[:3], checkpoint=often(path))
     *others, warning = result.warnings
@@ -379,13 +396,47 @@ def test_a_full_disk_does_not_end_the_run(
 
 
 @pytest.fixture
-def half(tmp_path: Path) -> Path:
+def half(tmp_path: Path, writes: list[bytes]) -> Path:
     """The file of half a run of :func:`small`."""
     path = tmp_path / "half"
     bd.simulate(*small()[:3], checkpoint=often(path))
-    ends = commits(path)
-    os.truncate(path, ends[len(ends) // 2])
+    path.write_bytes(writes[len(writes) // 2])
     return path
+
+
+def test_a_write_that_was_cut_off_is_taken_back(half: Path) -> None:
+    """By the journal that a killed process leaves beside the file."""
+    before, expected = half.read_bytes(), bd.simulate(*small()[:3])
+    torn, journal = half.with_name("torn"), half.with_name("torn-journal")
+    with opened(half, write=True) as db, pytest.raises(KeyboardInterrupt):
+        db.execute("PRAGMA cache_size = 1")  # more than that is written before it is complete
+        with sqlite.written(db, half):
+            db.execute("UPDATE parts SET content = zeroblob(length(content) + 9000)")
+            torn.write_bytes(half.read_bytes())
+            journal.write_bytes(half.with_name("half-journal").read_bytes())
+            raise KeyboardInterrupt
+    assert half.read_bytes() == before != torn.read_bytes()
+    assert same(bd.resume(torn, checkpoint=False), expected)
+    assert torn.read_bytes() == before and not journal.exists()
+
+
+def test_damage_is_seen(half: Path) -> None:
+    """With a bit flipped or its end cut off it goes on as it was, or not at all."""
+    whole, expected = half.read_bytes(), bd.simulate(*small()[:3])
+    copy, rng, refusals = half.with_name("copy"), random.Random(1), 0
+    flips = [(rng.randrange(len(whole)), 1 << rng.randrange(8)) for _ in range(40)]
+    cuts = [(rng.randrange(1, len(whole)), 0) for _ in range(5)]
+    for at, bit in flips + cuts:
+        damaged = bytearray(whole if bit else whole[:at])
+        if bit:
+            damaged[at] ^= bit
+        copy.write_bytes(damaged)
+        try:
+            assert same(bd.resume(copy, checkpoint=False), expected)
+        except ValueError as error:
+            assert str(error).startswith(f"cannot go on from {copy}: ")
+            refusals += 1
+    assert refusals > 30
 
 
 def test_half_a_run_goes_on_as_it_was_or_not_at_all(
@@ -450,7 +501,7 @@ def test_what_cannot_be_a_checkpoint(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_functions_must_be_given_again(tmp_path: Path) -> None:
+def test_functions_must_be_given_again(tmp_path: Path, writes: list[bytes]) -> None:
     scene, path = small(), tmp_path / "run"
 
     def speed(t: float) -> float:
@@ -459,7 +510,7 @@ def test_functions_must_be_given_again(tmp_path: Path) -> None:
     torque = stops(ValueError(), np.inf)
     expected = bd.simulate(scene.params, torque, 0.005, {0: speed})
     bd.simulate(scene.params, torque, 0.005, {0: speed}, checkpoint=often(path))
-    os.truncate(path, commits(path)[2])
+    path.write_bytes(writes[2])
     for given, missing in (({}, "torque_fn"), ({"torque_fn": torque}, "motion")):
         with refused(
             ValueError,
@@ -483,32 +534,30 @@ def test_forged_files_are_refused_by_name(half: Path) -> None:
 
         return change
 
-    cases: list[tuple[bytes, Callable[[bytes], bytes], str]] = [
-        (b"head", lambda content: b"PK" + content[100:], "^cannot go on from "),
-        (b"head", lambda content: content[:-30], "^cannot go on from "),
-        (b"rows", lambda content: content[:-8], "^cannot go on from .*samples"),
-        (b"rows", lambda content: content + content, "^cannot go on from .*samples"),
-        (b"rows", lambda content: b"", "^cannot go on from .*samples are missing"),
-        (b"rest", lambda content: content[:20], "^cannot go on from .*too short"),
-        (b"rest", lambda content: b"\xff" * 8 + content[8:], "do not fit together"),
-        (b"rest", lambda content: content[:-1], "^cannot go on from .*record is damaged"),
-        (b"head", option('"method": "auto"', '"method": "otto"'), "method"),
-        (b"head", option('"ledger": true', '"ledger": 1234'), "ledger is of another kind"),
-        (b"head", option('"rtol": 0.0001', '"rtol": 1e9999'), "rtol"),
-        (b"head", option('"t_end": 0.02', '"t_end": -5.0'), "t_end"),
-        (b"head", option('"every": 0.0', '"every": -1.0'), "every"),
-        (b"head", option('"settle_time"', '"settle_tima"'), "does not hold"),
-        (b"head", option('"expected": null', '"expected": ["creep"]'), "expected is of another"),
-        (b"head", option('"outputs": null', '"outputs": ["x"]'), "outputs"),
+    cases: list[tuple[str, Callable[[bytes], bytes], str]] = [
+        ("head", lambda content: b"PK" + content[100:], "^cannot go on from "),
+        ("head", lambda content: content[:-30], "^cannot go on from "),
+        ("rows", lambda content: content[:-8], "^cannot go on from .*samples"),
+        ("rows", lambda content: content + content, "^cannot go on from .*samples"),
+        ("rows", lambda content: b"", "^cannot go on from .*samples are missing"),
+        ("rest", lambda content: content[:20], "^cannot go on from .*too short"),
+        ("rest", lambda content: b"\xff" * 8 + content[8:], "do not fit together"),
+        ("rest", lambda content: content[:-1], "^cannot go on from .*record is damaged"),
+        ("head", option('"method": "auto"', '"method": "otto"'), "method"),
+        ("head", option('"ledger": true', '"ledger": 1234'), "ledger is of another kind"),
+        ("head", option('"rtol": 0.0001', '"rtol": 1e9999'), "rtol"),
+        ("head", option('"t_end": 0.02', '"t_end": -5.0'), "t_end"),
+        ("head", option('"every": 0.0', '"every": -1.0'), "every"),
+        ("head", option('"settle_time"', '"settle_tima"'), "does not hold"),
+        ("head", option('"expected": null', '"expected": ["creep"]'), "expected is of another"),
+        ("head", option('"outputs": null', '"outputs": ["x"]'), "outputs"),
     ]
-    with opened(half) as file:
-        found = [(block.kind, file.content(block)) for block in file.blocks]
     forged = half.with_name("forged")
     for of, change, words in cases:
-        first, *others = [(kind, change(held) if kind == of else held) for kind, held in found]
-        BlockFile.create(forged, checkpoints._MARK, *first)
-        with opened(forged, write=True) as file:
-            file.append((kind, [memoryview(content)]) for kind, content in others)
+        forged.unlink(missing_ok=True)
+        with sqlite.created(forged, checkpoints._TABLES) as db:
+            for kind, held in parts(half):
+                checkpoints._add(db, kind, -1, change(held) if kind == of else held)
         with pytest.raises((ValueError, TypeError), match=words) as caught:
             bd.resume(forged)
         assert "\n" not in str(caught.value) and len(str(caught.value)) < 800

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,8 @@ from test_checkpoints import same
 from test_cli import call, only_the_mesh, refused
 
 import beltdyn as bd
-from beltdyn.base.blocks import BlockFile
+from beltdyn.base import sqlite
+from beltdyn.run import checkpoints
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -35,16 +37,16 @@ def command(*arguments: str) -> subprocess.Popen[str]:
 def test_an_interrupted_run_goes_on_to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """By Ctrl-C while it writes; what is there is a run, and it goes on to the whole one."""
     short = ("run", "kubas-case-1", "--t-end", "0.01", "--out", "out.npz")
-    append, written = BlockFile.append, []
+    add, added = checkpoints._add, []
 
-    def interrupted(self: BlockFile, blocks: Any) -> None:
-        written.append(self)
-        if len(written) == 4:
+    def interrupted(*given: Any) -> None:
+        added.append(given)
+        if len(added) == 7:
             signal.raise_signal(signal.SIGINT)
-        append(self, blocks)
+        add(*given)
 
     with monkeypatch.context() as patch:
-        patch.setattr(BlockFile, "append", interrupted)
+        patch.setattr(checkpoints, "_add", interrupted)
         done = call(*short, "--checkpoint", "the run", "--checkpoint-every", "0")
     assert done.exit_code == 130
     assert "go on with: beltdyn resume 'the run'" in done.stderr
@@ -128,5 +130,5 @@ def test_what_is_refused(tmp_path: Path) -> None:
     bd.simulate(scene.params, lambda t, theta, omega: [0.0, 0.0], 0.001, checkpoint="of Python")
     refused(call("resume", "of Python"), "beltdyn.resume('of Python', torque_fn=...)")
     bd.simulate(*scene[:2], 0.001, checkpoint="run")
-    with BlockFile("run", b"beltdyn checkpoint 1\n", b"rest", write=True):
+    with closing(sqlite.opened("run", checkpoints._TABLES, write=True)):
         refused(call("resume", "run"), "cannot read or write run: another run is writing to it")

@@ -7,7 +7,6 @@ from __future__ import annotations
 import errno
 import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -23,6 +22,7 @@ import xarray
 from sweep_runs import MEASURE, TIMES, do, plain, same, under_function
 
 import beltdyn as bd
+from beltdyn.base import sqlite
 from beltdyn.many import store
 from beltdyn.many.store import Kept, Store
 from beltdyn.sweeping import SweepInterrupted, content
@@ -77,7 +77,7 @@ def keys(folder: Path) -> list[str]:
     """All keys in the parts, which must be complete; not those that were being written."""
     found: list[str] = []
     for part in folder.glob("part-*.sqlite"):
-        with closing(sqlite3.connect(part)) as db:
+        with closing(sqlite.opened(part, store._TABLES)) as db:
             found += [key for (key,) in db.execute("SELECT key FROM runs")]
     return found
 
@@ -286,8 +286,8 @@ def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
 
     # A part is there when it is whole
     def half(path: Path, _runs: Any) -> None:
-        path.write_bytes(b"half of it")
-        raise KeyboardInterrupt
+        with sqlite.created(path, store._TABLES):
+            raise KeyboardInterrupt
 
     with pytest.MonkeyPatch.context() as patch, pytest.raises(KeyboardInterrupt):
         patch.setattr(store, "_write", half)
@@ -341,7 +341,9 @@ def test_a_changed_bit_is_found(tmp_path: Path) -> None:
         assert part.name in said and "checksum" in said and "remove it, and its runs" in said
     # in what SQLite keeps of the file: its head, the tables, and what lies between
     said = [change(at) for at in (*range(200), *range(200, len(whole), 89))]
-    assert any("malformed" in one for one in said) and any("not a database" in one for one in said)
+    assert any("malformed" in one for one in said) and any(
+        "begins otherwise" in one for one in said
+    )
     assert all(part.name in one for one in said if one)
     part.unlink()
     assert one.find(kept) == {}
@@ -356,14 +358,18 @@ def test_a_full_disk_is_named_with_the_file(
     before = keys(tmp_path)
     both = {"torque.scale": [1.0, 0.5]}
 
-    def full(_path: Path, _runs: Any) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    write = store._write
+
+    def full(path: Path, runs: Any) -> None:
+        if not small:
+            with sqlite.created(path, store._TABLES):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        with monkeypatch.context() as patch:
+            patch.setattr(store, "_TABLES", "PRAGMA max_page_count = 2;" + store._TABLES)
+            write(path, runs)
 
     with monkeypatch.context() as patch, pytest.raises(OSError, match="make room") as caught:
-        if small:
-            patch.setattr(store, "_TABLES", "PRAGMA max_page_count = 2;" + store._TABLES)
-        else:
-            patch.setattr(store, "_write", full)
+        patch.setattr(store, "_write", full)
         do(plain(), both, MEASURE, store=tmp_path)
     assert caught.value.errno == errno.ENOSPC
     assert Path(caught.value.filename).parent == tmp_path

@@ -7,10 +7,8 @@ is ever locked.
 
 from __future__ import annotations
 
-import errno
 import hashlib
 import secrets
-import sqlite3
 import threading
 import time
 from collections.abc import Collection, Iterator
@@ -18,7 +16,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..base import files
+from ..base import files, sqlite
 
 __all__ = ["Kept", "Store"]
 
@@ -37,7 +35,7 @@ FROM runs JOIN common ON common.id = runs.common WHERE runs.key = ?
 #: most. A kill then costs little of what was computed, and long sweeps have some hundred parts.
 _LEAST, _SHARE, _MOST = 2.0, 0.01, 300.0
 #: Raised by what reads SQLite, and here, of files that are not what was written.
-_DAMAGED = (sqlite3.Error, ValueError, TypeError, AttributeError, MemoryError, OverflowError)
+_DAMAGED = (ValueError, TypeError, AttributeError, MemoryError, OverflowError)
 
 
 class Kept(NamedTuple):
@@ -124,8 +122,7 @@ class Store:
             if self._waiting:
                 name = f"part-{time.time_ns():020d}-{secrets.token_hex(4)}.sqlite"
                 try:
-                    with files.replacing(self._path / name) as temporary:
-                        _write(temporary, self._waiting)
+                    _write(self._path / name, self._waiting)
                 except OSError as error:
                     what = f"{error.strerror}; make room there: what was written before is kept"
                     raise OSError(error.errno, what, error.filename) from error
@@ -139,24 +136,13 @@ def _write(path: Path, runs: dict[str, Kept]) -> None:
         (key, one.text, one.data, numbers[one.common], _checksum(key, one))
         for key, one in runs.items()
     )
-    try:
-        with closing(sqlite3.connect(path)) as db:
-            db.execute("PRAGMA journal_mode = OFF")  # it is renamed when it is complete
-            db.executescript(_TABLES)
-            with db:
-                db.executemany("INSERT INTO common (text, id) VALUES (?, ?)", numbers.items())
-                db.executemany("INSERT INTO runs VALUES (?, ?, ?, ?, ?)", rows)
-    except sqlite3.Error as error:
-        full = getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL
-        raise OSError(errno.ENOSPC if full else errno.EIO, str(error)) from error
+    with sqlite.created(path, _TABLES) as db:
+        db.executemany("INSERT INTO common (text, id) VALUES (?, ?)", numbers.items())
+        db.executemany("INSERT INTO runs VALUES (?, ?, ?, ?, ?)", rows)
 
 
 def _read(part: Path, wanted: set[str]) -> Iterator[tuple[str, Kept]]:
-    address = f"{part.absolute().as_uri()}?mode=ro&immutable=1"
-    with closing(sqlite3.connect(address, uri=True)) as db:
-        ((version,),) = db.execute("PRAGMA user_version")
-        if version != _FORMAT:
-            raise ValueError("it is of another format")
+    with closing(sqlite.opened(part, _TABLES, constant=True)) as db, sqlite.errors(part):
         for key in [key for (key,) in db.execute("SELECT key FROM runs") if key in wanted]:
             *row, checksum = db.execute(_ROW, (key,)).fetchone()
             kept = Kept(*row)

@@ -1,17 +1,20 @@
 """Runs that are written as they go: what is in such a file, writing it, and reading it again.
 
-A file of blocks (:mod:`beltdyn.base.blocks`): at its head what the run was called with; then, again
-and again, the samples since the last write and the core's restart record, from which a run goes on
-bit for bit. Like all files, it may come from anywhere: nothing in it is executed, all is checked.
+An SQLite file: what the run was called with, the samples so far, and the core's restart record at
+the last write, from which a run goes on bit for bit. A write that is cut off is taken back when the
+file is opened again, by the journal that is then beside it. Like all files, it may come from
+anywhere: nothing in it is executed, all is checked.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
+import sqlite3
 import struct
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from typing import Any, NamedTuple, Self
 
 import attrs
@@ -19,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
-from ..base import files
-from ..base.blocks import Block, BlockFile
+from ..base import files, sqlite
 from ..base.checks import real
 from ..base.run_warnings import RunWarning
 from . import start_of_run
@@ -28,12 +30,19 @@ from .start_of_run import Start
 
 __all__ = ["Checkpoint", "Continued", "Fresh", "Recorder", "Spent"]
 
-_MARK = b"beltdyn checkpoint 1\n"  #: the number is that of the form of the file
-_HEAD, _ROWS, _RECORD = b"head", b"rows", b"rest"
+#: The versions are those of the kind and of the form of the file.
+_TABLES = """
+PRAGMA application_id = 0x62656c74;
+PRAGMA user_version = 2;
+CREATE TABLE parts (
+  id INTEGER PRIMARY KEY, kind TEXT, first INTEGER, content BLOB, checksum BLOB
+);
+"""
+_HEAD, _ROWS, _RECORD = "head", "rows", "rest"
 #: Of a restart record: samples before it, time [s], CPU and wall time so far [s], whether the run
 #: has finished.
 _BEFORE = struct.Struct("<Qddd?")
-#: Samples of one block [byte]: some of them are in memory twice while they are read.
+#: Samples of one row [byte], which are in memory two or three times while it is written or read.
 _MOST_ROWS = 1 << 26
 
 
@@ -60,7 +69,7 @@ class Checkpoint:
     Attributes:
         path: The file; there must be none yet.
         every: Wall time between two writes [s], >= 0; 0: after some milliseconds each. A write
-            waits for the disk and adds, besides the new samples, 38 kB for 60 links, 94 to 160 kB
+            waits for the disk; besides samples the file takes 38 kB for 60 links, 94 to 160 kB
             for 240.
 
     Raises:
@@ -118,7 +127,7 @@ class Recorder:
 
     def __init__(self, path: str, every: float) -> None:
         self.path, self.every = path, every
-        self._file: BlockFile | None = None
+        self._db: sqlite3.Connection | None = None
         self._writes = True
         self._arrays: Mapping[str, NDArray[Any]] = {}
         self._spent: Callable[[], Spent] = Spent
@@ -136,8 +145,8 @@ class Recorder:
 
     def close(self) -> None:
         """Close the file."""
-        if self._file is not None:
-            self._file.close()
+        if self._db is not None:
+            self._db.close()
 
     def count(self, spent: Callable[[], Spent]) -> None:
         """Set the function that returns the times spent on the run."""
@@ -171,7 +180,7 @@ class Recorder:
     @property
     def hint(self) -> str:
         """How to go on; "" if nothing is in the file."""
-        return "" if self._file is None else f"go on with beltdyn.resume({self.path!r})"
+        return "" if self._db is None else f"go on with beltdyn.resume({self.path!r})"
 
     @property
     def warnings(self) -> tuple[RunWarning, ...]:
@@ -196,25 +205,38 @@ class Recorder:
         self._kept = _Kept(sim.samples, sim.time, self._spent(), finished, record)
 
     def _write(self) -> None:
-        """Append the kept record and the samples before it, if it is not there already."""
-        kept, file = self._kept, self._file
-        if kept is None or file is None:
+        """Write the kept record and the samples before it, if it is not there already."""
+        kept, db = self._kept, self._db
+        if kept is None or db is None:
             return
         try:
-            file.append(self._blocks(kept))
-        except OSError as error:
-            self._failures.append((kept.t, error.strerror or str(error)))
+            with sqlite.written(db, self.path):
+                # Ctrl-C may have come between the end of a write and the note of it in this object
+                db.execute("DELETE FROM parts WHERE first >= ?", (self._written,))
+                rows = max(1, _MOST_ROWS // max(1, row_size(self._arrays)))
+                for begin in range(self._written, kept.samples, rows):
+                    some = slice(begin, min(begin + rows, kept.samples))
+                    pieces = [self._arrays[name][some].data for name in self._names]
+                    _add(db, _ROWS, begin, *pieces)
+                before = _BEFORE.pack(kept.samples, kept.t, *kept.spent[:2], kept.finished)
+                _add(db, _RECORD, kept.samples, before, kept.record)
+        except (OSError, ValueError) as error:
+            why = error.strerror if isinstance(error, OSError) else None
+            self._failures.append((kept.t, why or str(error)))
         else:
             self._written, self._up_to, self._kept = kept.samples, kept.t, None
         self._due = time.perf_counter() + self.every
 
-    def _blocks(self, kept: _Kept) -> Iterator[tuple[bytes, list[memoryview]]]:
-        rows = max(1, _MOST_ROWS // max(1, row_size(self._arrays)))
-        for begin in range(self._written, kept.samples, rows):
-            some = slice(begin, min(begin + rows, kept.samples))
-            yield _ROWS, [self._arrays[name][some].data for name in sorted(self._arrays)]
-        before = _BEFORE.pack(kept.samples, kept.t, *kept.spent[:2], kept.finished)
-        yield _RECORD, [memoryview(before), memoryview(kept.record)]
+    @property
+    def _names(self) -> list[str]:
+        return sorted(self._arrays)
+
+
+def _add(db: sqlite3.Connection, kind: str, first: int, *pieces: Any) -> None:
+    """Add a part, of the samples from the first one on."""
+    content = b"".join(pieces)
+    row = (kind, first, content, hashlib.sha256(content).digest())
+    db.execute("INSERT INTO parts (kind, first, content, checksum) VALUES (?, ?, ?, ?)", row)
 
 
 def row_size(arrays: Mapping[str, NDArray[Any]]) -> int:
@@ -252,8 +274,9 @@ class Fresh(Recorder):
         Raises:
             OSError: It cannot be written.
         """
-        BlockFile.create(self.path, _MARK, _HEAD, start_of_run.pack(start, self.every))
-        self._file = BlockFile(self.path, _MARK, _RECORD, write=True)
+        with sqlite.created(self.path, _TABLES) as db:
+            _add(db, _HEAD, -1, start_of_run.pack(start, self.every))
+        self._db = sqlite.opened(self.path, _TABLES, write=True)
         self._arrays = arrays
         return Spent(settle=start.settle_time)
 
@@ -279,11 +302,14 @@ class Continued(Recorder):
         """
         super().__init__(_path(path), 0.0)
         try:
-            file = BlockFile(self.path, _MARK, _RECORD, write)
+            self._db = sqlite.opened(self.path, _TABLES, write=write)
         except ValueError as error:
-            raise self._refusal(f"it is no checkpoint of a run, {error}") from None
+            raise self._refusal(
+                f"it is no checkpoint of a run, or one of another version: {error}"
+            ) from None
+        self._writes = write
         try:
-            self.start, kept_every = start_of_run.unpack(file.content(file.blocks[0]))
+            self.start, kept_every = start_of_run.unpack(b"".join(self._contents(_HEAD)))
             self.every = _every(kept_every if every is None else every)
             level = _core.kernel_level()
             if self.start.kernels != level:
@@ -293,12 +319,11 @@ class Continued(Recorder):
                     f"BELTDYN_KERNELS={self.start.kernels}, on a processor that has it"
                 )
         except (TypeError, ValueError) as error:
-            file.close()
+            self.close()
             raise self._refusal(error) from None
         except BaseException:
-            file.close()
+            self.close()
             raise
-        self._file, self._writes = file, write
 
     def __enter__(self) -> Self:
         return self
@@ -315,48 +340,73 @@ class Continued(Recorder):
             OSError: They cannot be read.
             ValueError: They are of another run, of another machine, or do not fit together.
         """
-        assert self._file is not None
         self._arrays = arrays
-        blocks = self._file.blocks
-        settle = self.start.settle_time
-        if blocks[-1].kind != _RECORD:
-            return Spent(settle=settle)
-        content = self._file.content(blocks[-1])
-        if len(content) < _BEFORE.size:
-            raise self._refusal("a restart record is too short")
-        samples, t, cpu, wall, finished = _BEFORE.unpack_from(content)
         try:
-            sim.import_record(memoryview(content)[_BEFORE.size :])
+            with self._at_one_time():
+                return self._resume(sim)
         except ValueError as error:
             raise self._refusal(error) from None
+
+    def _resume(self, sim: _core.Simulation) -> Spent:
+        settle = self.start.settle_time
+        content = b"".join(self._contents(_RECORD))
+        if not content:
+            return Spent(settle=settle)
+        if len(content) < _BEFORE.size:
+            raise ValueError("a restart record is too short")
+        samples, t, cpu, wall, finished = _BEFORE.unpack_from(content)
+        sim.import_record(memoryview(content)[_BEFORE.size :])
         if sim.samples != samples or sim.time != t:
-            raise self._refusal("a restart record and what is said of it do not fit together")
-        self._read_rows([block for block in blocks if block.kind == _ROWS], samples)
+            raise ValueError("a restart record and what is said of it do not fit together")
+        self._read_rows(samples)
         self._written, self._up_to = samples, t
         if finished:
             self._writes = False  # all is there
         return Spent(cpu, wall, settle)
 
-    def _read_rows(self, blocks: list[Block], samples: int) -> None:
-        assert self._file is not None
+    def _read_rows(self, samples: int) -> None:
         size, at = row_size(self._arrays), 0
-        for block in blocks:
-            count = block.size // max(1, size)
-            if count * size != block.size or count > samples - at:
-                raise self._refusal("its samples are not those of the run")
+        for content in self._contents(_ROWS):
+            count = len(content) // max(1, size)
+            if count * size != len(content) or count > samples - at:
+                raise ValueError("its samples are not those of the run")
             offset = 0
-            for name in sorted(self._arrays):
+            for name in self._names:
                 rows = self._arrays[name][at : at + count]
                 if rows.nbytes:
-                    self._file.read_into(block, offset, rows.data.cast("B"))
+                    values = np.frombuffer(content, rows.dtype, rows.size, offset)
+                    rows[...] = values.reshape(rows.shape)
                     offset += rows.nbytes
             at += count
         if size and at != samples:
-            raise self._refusal("samples are missing")
+            raise ValueError("samples are missing")
         touched = self._arrays.get("pulley", np.zeros(0))[:samples]
         n_p = len(self.start.scene.params.pulleys)
         if touched.size and not -1 <= touched.min() <= touched.max() < n_p:
-            raise self._refusal(f"contact.pulley must be from -1 to {n_p - 1}")
+            raise ValueError(f"contact.pulley must be from -1 to {n_p - 1}")
+
+    @contextmanager
+    def _at_one_time(self) -> Iterator[None]:
+        """Read what one write left, while another run writes."""
+        assert self._db is not None
+        with sqlite.errors(self.path):
+            alone = not self._db.in_transaction
+            if alone:
+                self._db.execute("BEGIN")
+            yield
+            if alone:
+                self._db.execute("COMMIT")
+
+    def _contents(self, kind: str) -> Iterator[bytes]:
+        assert self._db is not None
+        with sqlite.errors(self.path):
+            found = self._db.execute(
+                "SELECT content, checksum FROM parts WHERE kind = ? ORDER BY id", (kind,)
+            )
+            for content, checksum in found:
+                if not isinstance(content, bytes) or hashlib.sha256(content).digest() != checksum:
+                    raise ValueError("it is damaged: a checksum does not fit")
+                yield content
 
     def _refusal(self, why: object) -> ValueError:
         return ValueError(f"cannot go on from {self.path}: {why}")

@@ -1,0 +1,152 @@
+"""SQLite files: made in one step, written by one process at a time, read without trusting them."""
+
+from __future__ import annotations
+
+import errno
+import os
+import sqlite3
+import stat
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from . import files
+
+__all__ = ["created", "errors", "opened", "written"]
+
+#: Errors of the system, by the code of SQLite. Others are of what is in the file.
+_OF_SYSTEM = {
+    sqlite3.SQLITE_FULL: errno.ENOSPC,
+    sqlite3.SQLITE_IOERR: errno.EIO,
+    sqlite3.SQLITE_CANTOPEN: errno.EIO,
+    sqlite3.SQLITE_READONLY: errno.EROFS,
+    sqlite3.SQLITE_NOMEM: errno.ENOMEM,
+}
+#: How long a write waits for others that read [s].
+_PATIENCE = 5.0
+
+
+@contextmanager
+def errors(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Raise errors of SQLite as those of Python.
+
+    Raises:
+        BlockingIOError: Another process is writing to the file.
+        OSError: The system refuses, as when the disk is full.
+        ValueError: The file is damaged, or none of SQLite.
+    """
+    try:
+        yield
+    except sqlite3.Error as error:
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
+            what = "another run is writing to it"
+            raise BlockingIOError(errno.EWOULDBLOCK, what, os.fspath(path)) from None
+        if code in _OF_SYSTEM:
+            number = _OF_SYSTEM[code]
+            raise OSError(number, os.strerror(number), os.fspath(path)) from error
+        raise ValueError(f"it is damaged ({error})") from error
+
+
+@contextmanager
+def created(path: str | os.PathLike[str], tables: str) -> Iterator[sqlite3.Connection]:
+    """Yield a new file, which takes its place when it is complete; an error leaves none.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    with (
+        files.replacing(path) as temporary,
+        errors(path),
+        closing(sqlite3.connect(temporary)) as db,
+    ):
+        # nobody sees it before it is on the disk
+        db.executescript(f"PRAGMA journal_mode = OFF; PRAGMA synchronous = OFF; {tables}")
+        with db:
+            yield db
+
+
+def opened(
+    path: str | os.PathLike[str], tables: str, *, write: bool = False, constant: bool = False
+) -> sqlite3.Connection:
+    """Open a file that :func:`created` has made with these tables; others may stand at its place.
+
+    Args:
+        path: Where it is.
+        tables: The statements that made its tables, and set its version.
+        write: Whether to write to it, which one connection may at a time, until it is closed.
+        constant: Whether nobody writes to it, so that it need not be locked.
+
+    Raises:
+        OSError: It cannot be opened, or is not a regular file.
+        BlockingIOError: Another process has it open to write.
+        ValueError: It is no such file, or damaged.
+    """
+    place = Path(path)
+    if not stat.S_ISREG(place.stat().st_mode):
+        raise OSError(errno.EINVAL, "it is not a regular file", os.fspath(path))
+    # no open(): closing a file takes away the locks that this process has on it
+    if not os.access(place, os.R_OK | (os.W_OK if write else 0)):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), os.fspath(path))
+    # for reading, too: what a killed process was writing is then taken back
+    address = f"{place.absolute().as_uri()}?{'mode=ro&immutable=1' if constant else 'mode=rw'}"
+    with errors(path):
+        db = sqlite3.connect(
+            address, uri=True, timeout=0.0, isolation_level=None, check_same_thread=False
+        )
+        try:
+            db.executescript("PRAGMA trusted_schema = OFF; PRAGMA cell_size_check = ON")
+            if write:
+                db.execute("BEGIN IMMEDIATE")
+            db.execute(f"PRAGMA busy_timeout = {1000 * _PATIENCE:.0f}")
+            if _shape(db) != _shape_of(tables):
+                raise ValueError("it begins otherwise")
+        except sqlite3.DatabaseError as error:
+            db.close()
+            if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_NOTADB:
+                raise ValueError("it begins otherwise") from None
+            raise
+        except BaseException:
+            db.close()
+            raise
+    return db
+
+
+@contextmanager
+def written(db: sqlite3.Connection, path: str | os.PathLike[str]) -> Iterator[None]:
+    """Write what is done within, as a whole or, if anything raises, not at all.
+
+    Between writes an empty transaction keeps the file from other writers, without a journal.
+
+    Raises:
+        OSError, ValueError: As of :func:`errors`.
+    """
+    try:
+        with errors(path):
+            if not db.in_transaction:
+                db.execute("BEGIN IMMEDIATE")
+            yield
+            db.execute("COMMIT")
+    finally:
+        with suppress(sqlite3.Error):
+            if db.in_transaction:
+                db.execute("ROLLBACK")
+            db.execute("BEGIN IMMEDIATE")
+
+
+def _shape(db: sqlite3.Connection) -> list[Any]:
+    """Return what a file holds besides rows: views or triggers would be the work of others."""
+    versions = [db.execute(f"PRAGMA {name}").fetchone() for name in _VERSIONS]
+    return [*versions, *db.execute("SELECT type, name, sql FROM sqlite_master ORDER BY name")]
+
+
+_VERSIONS = ("application_id", "user_version")
+
+
+@lru_cache(maxsize=8)
+def _shape_of(tables: str) -> list[Any]:
+    with closing(sqlite3.connect(":memory:")) as db:
+        db.executescript(tables)
+        return _shape(db)
