@@ -243,16 +243,16 @@
   X(mu, contact, FRICTION, "1", "friction coefficient, friction force over N")                     \
   X(slip, contact, SLIPS, "m", "slip displacement since contact began")                            \
   X(velocity, contact, CONTACT, "m/s", "relative velocity v_T")                                    \
-  X(travel, mounts, MOUNTS, "rad or m", "from the place in the scene; of a path the time [s]")     \
+  X(travel, mounts, MOUNTS, "rad or m", "travel from its place in the scene; of a path the time")  \
   X(travel_speed, mounts, MOUNTS, "rad/s or m/s", "rate of the travel")                            \
-  X(spring_force, mounts, MOUNTS, "N m or N", "of the spring, preload and weight included")        \
-  X(damper_force, mounts, MOUNTS, "N m or N", "of the damper")                                     \
-  X(friction_force, mounts, MOUNTS, "N m or N", "of the friction in pivot or guide")               \
-  X(stop_force, mounts, MOUNTS, "N m or N", "of the stops")                                        \
-  X(belt_force, mounts, MOUNTS, "N m or N", "of the belt on the pulley")                           \
-  X(rim_angle, couplings, COUPLINGS, "rad", "of the rim, or of a damper's ring")                   \
-  X(rim_speed, couplings, COUPLINGS, "rad/s", "its rate")                                          \
-  X(windup, couplings, COUPLINGS, "rad", "z: ahead of the hub, in the sense that a clutch drives") \
+  X(spring_force, mounts, MOUNTS, "N m or N", "force of the spring, preload and weight included")  \
+  X(damper_force, mounts, MOUNTS, "N m or N", "force of the damper")                               \
+  X(friction_force, mounts, MOUNTS, "N m or N", "force of friction in pivot or guide")             \
+  X(stop_force, mounts, MOUNTS, "N m or N", "force of the stops")                                  \
+  X(belt_force, mounts, MOUNTS, "N m or N", "force of the belt on the pulley")                     \
+  X(rim_angle, couplings, COUPLINGS, "rad", "angle of the rim, or of a damper's ring")             \
+  X(rim_speed, couplings, COUPLINGS, "rad/s", "angular velocity of the rim or ring")               \
+  X(windup, couplings, COUPLINGS, "rad", "windup ahead of the hub, as a clutch drives")            \
   X(transmitted, couplings, COUPLINGS, "N m", "torque of the coupling on the shaft")               \
   X(energy, energy, ENERGY, "J", "the ledger, columns of BD_ENERGY_TERMS")
 
@@ -262,11 +262,11 @@
  * that not every drive has, and has a column only in drives that have them
  * (bd_model_energy_terms). */
 #define BD_ENERGY_TERMS(X)                                                                         \
-  X(kinetic, STORED, "links and pulleys")                                                          \
+  X(kinetic, STORED, "kinetic energy of links and pulleys")                                        \
   X(axial, STORED, "stored in the joints' stretch")                                                \
   X(bending, STORED, "stored in the joints' bending")                                              \
   X(contact, STORED, "stored in the contact")                                                      \
-  X(gravity, STORED, "potential")                                                                  \
+  X(gravity, STORED, "potential energy")                                                           \
   X(drive, SUPPLIED, "work done by the set torques since the start")                               \
   X(joint_loss, LOST, "lost in the joint dampers since the start")                                 \
   X(contact_loss, LOST, "lost in the contact dampers since the start")                             \

@@ -9,16 +9,20 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Iterable
-from typing import Any
+import textwrap
+from collections.abc import Iterable, Mapping
+from typing import Any, TypeVar
 
 import attrs
 
-__all__ = ["describe", "describe_all"]
+__all__ = ["describe", "describe_all", "listed", "units"]
+
+_Class = TypeVar("_Class", bound=type)
 
 #: For ``attrs.inspect`` and for classes that are made of this one and set attributes; not
 #: ``__attrs_attrs__``, which ``attrs.fields`` reads.
 _NOTES = ("__attrs_props__", "__attrs_own_setattr__")
+_UNIT = re.compile(r"\[((?:1|rad|deg|m|s|N|W|Hz)\b[^\]]*)\]")
 _FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
 
 
@@ -48,6 +52,30 @@ def describe_all(objects: Iterable[Any]) -> None:
     for one in objects:
         if isinstance(one, type):
             describe(one)
+
+
+def units(cls: Any) -> dict[str, str]:
+    """Return the units of the fields of a class, "1" where its docstring names none.
+
+    Raises:
+        RuntimeError: Python was told to drop docstrings.
+    """
+    if cls.__doc__ is None:
+        raise RuntimeError("units stand in docstrings, which python -OO drops: run without it")
+    texts = _texts(cls)
+    found = {one.name: _UNIT.search(texts.get(one.name, "")) for one in attrs.fields(cls)}
+    return {name: "1" if match is None else match[1] for name, match in found.items()}
+
+
+def listed(cls: _Class, rows: Mapping[str, tuple[str, str]]) -> _Class:
+    """Append a section "Attributes" to a docstring, from meaning and unit by name."""
+    lines = []
+    for name, (text, unit) in rows.items():
+        said = f"{name}: {text[:1].upper()}{text[1:]} [{unit}]."
+        lines += textwrap.wrap(said, 100, initial_indent=8 * " ", subsequent_indent=12 * " ")
+    if cls.__doc__ is not None:
+        cls.__doc__ = "\n".join([cls.__doc__.rstrip(), "", "    Attributes:", *lines, "    "])
+    return cls
 
 
 def _give_texts(cls: Any, names: list[str]) -> None:

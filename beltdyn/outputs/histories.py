@@ -7,8 +7,8 @@ here, or a field without a row, is an error.
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any, NoReturn, Self
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any, NoReturn, Self, TypeVar
 
 import attrs
 import numpy as np
@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from .. import _core
 from ..base.checks import Array
+from ..base.described import listed
+from .quantity import LEDGER, QUANTITIES
 
 __all__ = [
     "GROUPS",
@@ -35,6 +37,15 @@ __all__ = [
     "histories",
     "shape_of",
 ]
+
+
+_Kind = TypeVar("_Kind", bound="Group")
+#: Groups by the name that they have in a result, in the order of files.
+GROUPS: dict[str, type[Group]] = {}
+#: Group, name and size of every history but the ledger's.
+ROWS = tuple(
+    (row.group, row.field, row.size) for row in QUANTITIES.values() if row.group not in ("", LEDGER)
+)
 
 
 class Group:
@@ -96,6 +107,17 @@ class Group:
         return f"{type(self).__name__}({', '.join(arrays)}: {shape})"
 
 
+def _group(name: str) -> Callable[[type[_Kind]], type[_Kind]]:
+    """Enter a class in GROUPS; complete its docstring by the rows of its quantities."""
+
+    def enter(kind: type[_Kind]) -> type[_Kind]:
+        GROUPS[name] = kind
+        rows = {field: QUANTITIES[f"{name}.{field}"] for field in kind.array_names()}
+        return listed(kind, {field: (row.meaning, row.unit) for field, row in rows.items()})
+
+    return enter
+
+
 def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
     return kind._holding(found)
 
@@ -109,21 +131,16 @@ def absent(output: str, before: str = "") -> str:
     return f"{before}belts on the mesh {' or '.join(without)} have none" if without else ""
 
 
+@_group("pulleys")
 @attrs.frozen(eq=False, repr=False)
 class PulleyHistory(Group):
-    """Pulleys over time, each (n_t, n_p), ``load`` (n_t, n_p, 2).
+    """Pulleys over time, each (n_t, n_p), ``load`` (n_t, n_p, 2); their names (n_p,).
 
-    Attributes:
-        theta: Angle, counter-clockwise [rad]; of a pulley with a coupling that of its shaft.
-        omega: Angular velocity [rad/s], likewise.
-        torque: Set torque M_d of (2.12) [N m]; of a pulley whose motion is prescribed, the torque
-            that it needs.
-        load: Force of the belt on the pulley in x and y, of contact and friction [N]: the hub load,
-            what its bearings carry besides weights and the inertia of a pulley that moves. For a
-            running belt it includes the relief by centrifugal force (``Result.hub_load``). It
-            fluctuates as links land, an artefact of the mesh: its extremes are no design loads,
-            they fall as ``n_bodies`` rises; those of the report are.
-        names: Names of the pulleys, "pulley 3" if it has none (n_p,).
+    Angle and speed of a pulley with a coupling are those of its shaft. ``torque`` of a pulley whose
+    motion is prescribed is what it needs. ``load`` is what the bearings carry besides weights and
+    the inertia of a pulley that moves; for a running belt it includes the relief by centrifugal
+    force (``Result.hub_load``). It fluctuates as links land, an artefact of the mesh: its extremes
+    are no design loads, they fall as ``n_bodies`` rises; those of the report are.
     """
 
     theta: Array
@@ -133,24 +150,16 @@ class PulleyHistory(Group):
     names: tuple[str, ...] = attrs.field(default=(), metadata={"array": False})
 
 
+@_group("belt")
 @attrs.frozen(eq=False, repr=False)
 class BeltHistory(Group):
     """Links over time, the coordinates of (2.1), each (n_t, n_b).
 
-    Attributes:
-        x: Mass centre [m].
-        y: Mass centre [m].
-        phi: Angle, continuous [rad]. For a string the direction of the bar behind each mass,
-            continuous along the belt; mass 0 has it within +-pi at every sample.
-        vx: Velocity of the mass centre [m/s].
-        vy: Velocity of the mass centre [m/s].
-        vphi: Angular velocity [rad/s].
-        flow: ALE belts only, as ``passed`` (n_t,): stress-free length per second that flows out of
-            the wrap of pulley 0 [m/s], positive in the order of the cells.
-        passed: Its integral since the first sample [m], by which a mark on the belt is followed.
-
-    Of an ALE belt places and velocities are those of the belt where each cell begins, on pulleys
-    and at the ends of spans, and there are no angles.
+    For a string ``phi`` is the direction of the bar behind each mass, continuous along the belt;
+    mass 0 has it within +-pi at every sample. Of an ALE belt places and velocities are those of the
+    belt where each cell begins, on pulleys and at the ends of spans, and there are no angles; ALE
+    belts alone have ``flow`` and its integral ``passed`` (n_t,), positive in the order of the
+    cells, by which a mark on the belt is followed.
     """
 
     x: Array
@@ -164,46 +173,22 @@ class BeltHistory(Group):
     passed: Array = attrs.field(init=False)
 
 
-@attrs.frozen(eq=False, repr=False)
-class SpanHistory(Group):
-    """Spans over time, of an ALE belt, which vibrates in them by sine modes.
-
-    Attributes:
-        deflection: Amplitudes a_k of ``sin(k pi s)`` across the span after each pulley, s from 0
-            where it begins to 1, k from 1 on (n_t, n_p, K) [m], from the straight line of the span,
-            positive outwards of the loop.
-    """
-
-    deflection: Array = attrs.field(init=False)
-
-
+@_group("joints")
 @attrs.frozen(eq=False, repr=False)
 class JointHistory(Group):
-    """Joints (2.2) over time, each (n_t, n_b); joint i is on the left of link i.
-
-    Attributes:
-        deformation: Stretch along the joint [m].
-        force: Force along the joint, tension positive [N].
-    """
+    """Joints (2.2) over time, each (n_t, n_b); joint i is on the left of link i."""
 
     deformation: Array
     force: Array
 
 
+@_group("contact")
 @attrs.frozen(eq=False, repr=False)
 class ContactHistory(Group):
     """Contact of the links over time, (2.3)-(2.10), each (n_t, n_b).
 
     Without friction, ``friction``, ``mu`` and ``slip`` are zeros that take no memory and cannot be
     changed.
-
-    Attributes:
-        pulley: Index of the touched pulley, -1 for none (int).
-        normal: Normal force N on the link (2.8) [N].
-        friction: Friction force mu N (2.10) [N], on the link against the counter-clockwise tangent.
-        mu: Friction coefficient, friction force over normal force [1]; with Dahl friction (2.9).
-        slip: Slip displacement since contact began [m].
-        velocity: Relative velocity v_T, counter-clockwise [m/s].
     """
 
     pulley: NDArray[np.int32]
@@ -214,6 +199,19 @@ class ContactHistory(Group):
     velocity: Array
 
 
+@_group("spans")
+@attrs.frozen(eq=False, repr=False)
+class SpanHistory(Group):
+    """Spans over time, of an ALE belt, which vibrates in them by sine modes.
+
+    ``deflection`` has the amplitudes a_k of ``sin(k pi s)`` across the span after each pulley, s
+    from 0 where it begins to 1, k from 1 on (n_t, n_p, K), from the straight line of the span.
+    """
+
+    deflection: Array = attrs.field(init=False)
+
+
+@_group("mounts")
 @attrs.frozen(eq=False, repr=False)
 class MountHistory(Group):
     """Mounts over time, each (n_t, n_m), in the order of ``params.mounted``.
@@ -221,16 +219,6 @@ class MountHistory(Group):
     Travels of arms are angles, counter-clockwise, and forces are torques [N m]; those of sliders
     are distances along the direction and forces [N]. Forces are positive in the sense of the
     travel. A path has a travel, the time, and the force of the belt alone.
-
-    Attributes:
-        travel: Travel from the place in the drive [rad or m].
-        travel_speed: Its rate [rad/s or m/s].
-        spring_force: Force of the spring, preload and hung weight included [N m or N].
-        damper_force: Force of the damper [N m or N].
-        friction_force: Friction in pivot or guide [N m or N].
-        stop_force: Force of the stops [N m or N].
-        belt_force: Force of the belt on the pulley, ``-a . sum F_ij`` of MODEL section 5 [N m or
-            N].
     """
 
     travel: Array
@@ -242,19 +230,13 @@ class MountHistory(Group):
     belt_force: Array
 
 
+@_group("couplings")
 @attrs.frozen(eq=False, repr=False)
 class CouplingHistory(Group):
     """Couplings over time, each (n_t, n_c), in the order of ``params.coupled``.
 
     ``pulleys.theta`` and ``.omega`` are those of the hubs. For a torsional damper, rim stands for
-    its ring.
-
-    Attributes:
-        rim_angle: Angle of the rim, counter-clockwise [rad].
-        rim_speed: Its angular velocity [rad/s].
-        windup: Windup, rim against hub; for a clutch in the sense in which it drives: >= 0 [rad].
-        transmitted: Torque of the coupling on the shaft, counter-clockwise [N m]; 0 while a clutch
-            overruns.
+    its ring. ``transmitted`` is 0 while a clutch overruns.
     """
 
     rim_angle: Array
@@ -263,33 +245,15 @@ class CouplingHistory(Group):
     transmitted: Array
 
 
+@_group("energy")
 @attrs.frozen(eq=False, repr=False)
 class EnergyLedger(Group):
     """Stored energies, work and losses over time, each (n_t,) [J]; MODEL section 7.
 
-    Attributes:
-        kinetic: Kinetic energy of links and pulleys.
-        axial: Stored in the stretch of the joints.
-        bending: Stored in the bending of the joints.
-        contact: Stored in the contact.
-        gravity: Potential energy.
-        drive: Work done since the start by the set torques, and by those of prescribed motions.
-        joint_loss: Lost in the dampers of the joints since the start.
-        contact_loss: Lost in the dampers of the contact since the start.
-        friction_loss: Work of friction against slip since the start.
-        residual: E(t) - E(0) - (drive - losses): zero but for the error of integration. It needs
-            no reference solution.
-        passed: Energy transmitted so far, the scale to judge the residual by: the largest of the
-            energy put in (summed over the samples), the net work, the losses and the change of
-            the stored energy.
-        drag_loss: Lost to the drag of the pulleys' bearings since the start; None where no pulley
-            has any.
-        mount: Stored in the springs and stops of mounts, less the work of their preload; None
-            without arms and sliders.
-        mount_loss: Lost in dampers, friction and stops of mounts since the start; None without.
-        path_work: Work of the belt on axes that follow a path since the start; None without paths.
-        coupling: Stored in the springs of couplings; None without.
-        coupling_loss: Lost in their dampers since the start; None without.
+    The scale ``passed`` is the largest of the energy put in (summed over the samples), the net
+    work, the losses and the change of the stored energy. Terms of effects that a drive does not
+    have are None: ``drag_loss``, ``mount``, ``mount_loss``, ``path_work``, ``coupling``,
+    ``coupling_loss``.
     """
 
     kinetic: Array
@@ -436,26 +400,6 @@ class Stats:
         for name in ("error", "local_error"):
             values[name] = values[name] or None
         return cls(**values, **others)
-
-
-GROUPS: dict[str, type[Group]] = {
-    "pulleys": PulleyHistory,
-    "belt": BeltHistory,
-    "joints": JointHistory,
-    "contact": ContactHistory,
-    "spans": SpanHistory,
-    "mounts": MountHistory,
-    "couplings": CouplingHistory,
-    "energy": EnergyLedger,
-}
-
-
-#: Group, name and size of every history but the ledger's.
-ROWS = (
-    *((group, name, size) for name, group, size, *_ in _core.OUTPUTS if group != "energy"),
-    ("contact", "pulley", "CONTACT"),
-    ("belt", "passed", "FLOW"),
-)
 
 
 def absent_groups(params: Any) -> set[str]:

@@ -13,11 +13,10 @@ from typing import Any
 
 from .. import _core
 from .histories import GROUPS, ROWS, absent
+from .quantity import LEDGER, SPANS
 
 __all__ = [
     "EVERY_RUN",
-    "LEDGER",
-    "SPANS",
     "array_names",
     "chosen",
     "has",
@@ -27,8 +26,6 @@ __all__ = [
     "unchecked",
 ]
 
-#: Computed from joints and contact, and the ledger, which is one output; the rest are arrays.
-SPANS, LEDGER = "span_tension", "energy"
 #: An integral of an output.
 PASSED = "passed"
 #: What the core is asked for in any case, 2 n_p + 1 numbers a sample.

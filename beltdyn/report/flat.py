@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import cache
 from typing import Any, NamedTuple
 
 import attrs
 
+from ..base.described import units
 from ..drive.mounts import KINDS
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
@@ -24,58 +27,6 @@ class Number(NamedTuple):
     text: str | None
 
 
-_UNITS: dict[type, dict[str, str]] = {
-    PulleyRow: {
-        "speed": "rad/s",
-        "rim_speed": "rad/s",
-        "windup": "rad",
-        "torque": "N m",
-        "power": "W",
-        "belt_torque": "N m",
-        "hub_load": "N",
-        "hub_direction": "rad",
-        "wrap": "rad",
-        "slip_arc": "rad",
-        "slip_error": "rad",
-        "tight": "N",
-        "slack": "N",
-        "slip_torque": "N m",
-        "slip_tensions": "N",
-        "worst_time": "s",
-        "own_slip_torque": "N m",
-    },
-    SpanRow: {
-        "length": "m",
-        "tension": "N",
-        "of_run": "N",
-        "frequency": "Hz",
-        "amplitude": "N",
-        "lateral": "Hz",
-    },
-    Creep: {},
-    Power: {"power": "W"},
-    Cycle: {"range": "N", "mean": "N"},
-}
-_OF_RUN = {
-    "begin": "s",
-    "end": "s",
-    "samples": "1",
-    "driver": "",
-    "belt_speed": "m/s",
-    "belt_speeds": "m/s",
-    "rest_tension": "N",
-    "mass_tension": "N",
-    "efficiency": "1",
-    "efficiency_error": "1",
-    "power_error": "1",
-    "tension_error": "1",
-    "creep_error": "1",
-    "joint": "1",
-    "cycles_begin": "s",
-    "rounds": "1",
-}
-
-
 #: The classes of the rows of each part.
 _ROWS: dict[str, type] = {
     "pulleys": PulleyRow,
@@ -87,13 +38,23 @@ _ROWS: dict[str, type] = {
 }
 
 
+_units: Callable[[Any], dict[str, str]] = cache(units)
+
+
+def _of_run() -> list[str]:
+    """List the fields of a report that are numbers of the run as a whole, and its driver."""
+    kinds = ("int", "float", "float | None", "Spread | None", "str | None")
+    fields: Any = attrs.fields(ReportData)
+    return [one.name for one in fields if str(one.type) in kinds]
+
+
 def quantities(part: str) -> list[str] | None:
     """List the quantities that :func:`numbers` may have of a part; None if there is none.
 
     All of a quantity: its mean, and " least" and " most" of one that has a range.
     """
     if part == "report":
-        return [*_OF_RUN, "belt_speeds least", "belt_speeds most", "first_to_slip", "steady"]
+        return [*_of_run(), "belt_speeds least", "belt_speeds most", "first_to_slip", "steady"]
     if part not in _ROWS:
         return None
     found: list[str] = []
@@ -107,12 +68,8 @@ def quantities(part: str) -> list[str] | None:
 
 
 def _unit(row: Any, field: str) -> str:
-    if isinstance(row, MountRow):
-        kind = KINDS[row.kind]
-        way, force = kind.unit("rad or m"), kind.force
-        of_way = {"travel": way, "to_stop": way, "amplitude": way, "frequency": "Hz"}
-        return of_way.get(field, force)
-    return _UNITS[type(row)].get(field, "1")
+    unit = _units(type(row))[field]
+    return KINDS[row.kind].unit(unit) if isinstance(row, MountRow) else unit
 
 
 def numbers(report: ReportData) -> list[Number]:
@@ -137,15 +94,15 @@ def numbers(report: ReportData) -> list[Number]:
         elif value is not None:
             found.append(Number(part, name, quantity, unit, float(value), None))
 
-    for field, unit in _OF_RUN.items():
-        add("report", "", field, unit, getattr(report, field, None))
+    for field in _of_run():
+        add("report", "", field, _units(ReportData)[field], getattr(report, field))
     first = report.first_to_slip
     add("report", "", "first_to_slip", "", None if first is None else first.name)
     add("report", "", "steady", "", not report.unsteady)
     for field in ("unsteady", "notes", "warnings"):
         for k, text in enumerate(getattr(report, field)):
             add("report", str(k), field, "", str(text))
-    for part in ("pulleys", "spans", "mounts", "creep", "powers", "cycles"):
+    for part in _ROWS:
         for index, row in enumerate(getattr(report, part)):
             name = getattr(row, "name", f"class {index}")
             for field, value in attrs.asdict(row, recurse=False).items():

@@ -307,7 +307,44 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
 
 @attrs.frozen(kw_only=True)
 class ReportData:
-    """Data of a report; :class:`Report` describes its fields."""
+    """Data of a report.
+
+    Attributes:
+        begin: First sample of the window [s].
+        end: Last one [s].
+        samples: Number of samples.
+        driver: Name of the pulley that drives the belt; None if the belt stands still.
+        belt_speed: Mean speed of the belt in the order of its links, along itself [m/s].
+        belt_speeds: The same with its range, without the ripple of passing links [m/s].
+        rest_tension: Mean tension of the belt at rest [N]; None with the paper's mesh, on which it
+            is higher on pulleys than in spans.
+        mass_tension: Centrifugal tension rho v^2, the part of every tension that turns the belt
+            [N].
+        pulleys: A row for each pulley.
+        spans: A row for each free span; none with one pulley.
+        mounts: A row for each arm, slider and path.
+        creep: A row for each pulley but the driving one.
+        powers: Power balance; the input power is the sum of all others.
+        efficiency: Share of the input power that is not lost [1].
+        efficiency_error: Its error, or where it is None that of what is lost over what is put in
+            [1]: that of the powers if the run was verified; else what the mesh adds to the losses,
+            nearly all of the contact's damping, of links that land.
+        power_error: Error of the powers, relative to the largest of a pulley in the run [1], as
+            ``result.accuracy`` has it.
+        tension_error: Error of the spans' mean tensions [1], as ``result.accuracy`` has it.
+        creep_error: The same of creep, relative to the largest [1]; None without verification.
+        nodes: What the belt consists of: "links", "point masses", or "cells", which stand still.
+        cycles: Load cycles of a joint, largest range first; of an ALE belt those of the belt that
+            is in the middle of a cell at the end.
+        joint: That joint, or cell.
+        cycles_begin: Time from which they are counted [s]: a round of the belt before the end of
+            the run, or the beginning of the window if that is earlier.
+        rounds: Rounds that the belt makes from then on.
+        unsteady: What is not steady in the window, and by how much; empty: it is steady.
+        notes: What could not be determined, and why.
+        accuracy: Errors of the run as far as they are known, ``result.accuracy``.
+        warnings: Warnings of the run, ``result.warnings``.
+    """
 
     begin: float
     end: float

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from ..base import files
 from ..base.optional import optional_module
 from ..drive.params import Params
-from .labelled import described, unit_of_mounts
+from ..outputs.quantity import QUANTITIES, TIME
+from .labelled import unit_in
 
 __all__ = ["RESULTS", "check_ending", "write", "write_netcdf"]
 
@@ -74,10 +75,9 @@ def write(
 def _write_csv(
     path: Path, t: NDArray[Any], arrays: Mapping[str, NDArray[Any]], params: Params
 ) -> None:
-    rows, heads = described(), ["t (s)"]
+    heads = [f"t ({TIME.unit})"]
     for name, values in arrays.items():
-        size, unit, _ = rows[name]
-        unit = unit_of_mounts(unit, params) if size == "MOUNTS" else unit
+        unit = unit_in(QUANTITIES[name], params)
         for at in np.ndindex(values.shape[1:]):
             place = f"[{','.join(map(str, at))}]" if at else ""
             heads.append(f"{name}{place} ({unit})")

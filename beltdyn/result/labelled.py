@@ -7,47 +7,18 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from .. import _core
 from ..base.checks import Array
 from ..base.naming import span_name
 from ..base.optional import optional_module
 from ..drive.mounts import KINDS
 from ..drive.params import Params
-from ..outputs.histories import EnergyLedger
-from ..outputs.selection import LEDGER, SPANS
+from ..outputs.quantity import QUANTITIES, TIME, Quantity, dimensions
 
-__all__ = [
-    "dataset",
-    "described",
-    "dimensions",
-    "mount_kinds",
-    "places",
-    "span_names",
-    "unit_of_mounts",
-]
+__all__ = ["dataset", "mount_kinds", "places", "span_names", "unit_in"]
 
-#: Dimensions after time, by the sizes of the core's table.
-_DIMENSIONS = {
-    "PULLEYS": ("pulley",),
-    "PLANE": ("pulley", "xy"),
-    "LINKS": ("link",),
-    "NODES": ("link",),
-    "MODES": ("span", "mode"),
-    "JOINTS": ("joint",),
-    "CONTACT": ("link",),
-    "FRICTION": ("link",),
-    "SLIPS": ("link",),
-    "MOUNTS": ("mount",),
-    "COUPLINGS": ("coupling",),
-    "SPANS": ("span",),
-}
-#: What is not in the tables of the core.
-_TEXTS = {
-    "contact.pulley": "index of the pulley that a link touches, -1: none",
-    "belt.passed": "stress-free belt that has passed pulley 0 since the first sample",
-    "energy.passed": "energy transmitted so far, the scale of the residual",
-    SPANS: "mean joint force of the free span that follows each pulley",
-    "time": "time",
+#: What the places along dimensions are.
+_PLACES = {
+    "time": TIME.text,
     "pulley": "pulley",
     "span": "free span, from a pulley to the next along the belt",
     "link": "link",
@@ -58,7 +29,6 @@ _TEXTS = {
     "mount_kind": "kind of mount: travels of arms are angles, of sliders lengths",
     "xy": "component",
 }
-_UNITS = {"contact.pulley": "1", SPANS: "N", "time": "s"}
 
 
 def span_names(params: Params) -> list[str]:
@@ -73,33 +43,13 @@ def mount_kinds(params: Params) -> list[str]:
     return [mount._row.name for pulley in params.pulleys if (mount := pulley.mount) is not None]
 
 
-def dimensions(size: str) -> tuple[str, ...]:
-    """Return the dimensions after time of a history of this size."""
-    return _DIMENSIONS.get(size, ())
-
-
 def places(params: Params) -> dict[str, Sequence[Any]]:
     """Return the names of the places along each dimension."""
     links, names = range(params.n_bodies), params.pulley_names
-    parts = {_DIMENSIONS[size][0]: [names[k] for k in ks] for size, ks in params._having.items()}
+    parts = {dimensions(size)[0]: [names[k] for k in ks] for size, ks in params._having.items()}
     modes = range(1, 1 + params._model.sizes.get("MODES", 0) // len(names))
     along = {"span": span_names(params), "link": links, "joint": links, "mode": modes}
     return {"pulley": parts["pulley"], **along, **parts, "xy": ["x", "y"]}
-
-
-def described() -> dict[str, tuple[str, str, str]]:
-    """Return size, unit and text of every history by name; sizes are those of the core's tables."""
-    found = {
-        f"{group}.{name}": (size, unit, text) for name, group, size, unit, text in _core.OUTPUTS
-    }
-    del found[f"{LEDGER}.{LEDGER}"]
-    found |= {f"{LEDGER}.{name}": ("", "J", text) for name, _, text in _core.ENERGY_TERMS}
-    for name in EnergyLedger.array_names():
-        found.setdefault(f"{LEDGER}.{name}", ("", "J", _TEXTS.get(f"{LEDGER}.{name}", name)))
-    found["belt.passed"] = ("FLOW", "m", _TEXTS["belt.passed"])
-    found["contact.pulley"] = ("CONTACT", _UNITS["contact.pulley"], _TEXTS["contact.pulley"])
-    found[SPANS] = ("SPANS", _UNITS[SPANS], _TEXTS[SPANS])
-    return found
 
 
 def dataset(
@@ -110,14 +60,12 @@ def dataset(
 ) -> Any:
     """Return an ``xarray.Dataset``; see :meth:`beltdyn.Result.to_xarray`."""
     xarray = optional_module("xarray", "to_xarray", "sweep")
-    rows = described()
     variables: dict[str, Any] = {}
     for name, array in arrays.items():
-        size, unit, text = rows[name]
-        own = dimensions(size) if array.ndim > 1 else ()
-        if size == "MOUNTS":
-            unit = unit_of_mounts(unit, params)
-        variables[name] = (("time", *own), array, {"units": unit, "long_name": text})
+        row = QUANTITIES[name]
+        own = row.dimensions if array.ndim > 1 else ()
+        described = {"units": unit_in(row, params), "long_name": row.text}
+        variables[name] = (("time", *own), array, described)
     coordinates: dict[str, Any] = {"time": t, **places(params)}
     used = {dim for dims, *_ in variables.values() for dim in dims} | {"time"}
     found = {
@@ -130,13 +78,12 @@ def dataset(
     return xarray.Dataset(variables, found, dict(attributes))
 
 
-def unit_of_mounts(unit: str, params: Params) -> str:
-    """Return the unit of all mounts, "rad or m" if they differ."""
-    rows = [KINDS[name] for name in mount_kinds(params)]
-    known = None not in (angles := {row.angle for row in rows})
-    return rows[0].unit(unit) if known and len(angles) == 1 else unit
+def unit_in(row: Quantity, params: Params) -> str:
+    """Return the unit of a quantity in a drive, "rad or m" of mounts that differ in it."""
+    rows = [KINDS[name] for name in mount_kinds(params)] if row.size == "MOUNTS" else []
+    known = bool(rows) and None not in (angles := {kind.angle for kind in rows})
+    return rows[0].unit(row.unit) if known and len(angles) == 1 else row.unit
 
 
 def _labels(name: str) -> dict[str, str]:
-    unit = _UNITS.get(name)
-    return ({} if unit is None else {"units": unit}) | {"long_name": _TEXTS[name]}
+    return ({"units": TIME.unit} if name == "time" else {}) | {"long_name": _PLACES[name]}

@@ -18,10 +18,10 @@ from ..base.run_warnings import RunWarning
 from ..drive.params import Params
 from ..outputs.accuracy_report import WORDS, Accuracy, QuantityError
 from ..outputs.histories import GROUPS, Stats, absent_groups, shape_of
-from ..outputs.selection import LEDGER, SPANS, chosen, lacking
+from ..outputs.quantity import LEDGER, QUANTITIES, SPANS
+from ..outputs.selection import chosen, lacking
 from ..outputs.state import PARTS, ROWS, State, saved_shape
 from .exported import RESULTS
-from .labelled import described
 
 __all__ = ["read", "write"]
 
@@ -251,7 +251,6 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     with_energy = any(name.startswith("energy.") for name in values) if kept is None else True
     left_out = ({"energy"} if not with_energy else set()) | absent_groups(params)
     sizes = params._model.sizes
-    rows = described()
 
     def history(group: str) -> dict[str, NDArray[Any]]:
         arrays = {}
@@ -263,7 +262,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
                     raise ValueError(f"{name} does not belong there: it was not asked for")
                 continue
             kind = np.int32 if name == "contact.pulley" else np.float64
-            size = rows[name][0]
+            size = QUANTITIES[name].size
             shape = (t.size, *(() if group == LEDGER else shape_of(size, params)))
             arrays[field] = npz.number_array(name, values[name], kind, shape)
             beyond = not meta["success"] and (

@@ -22,7 +22,8 @@ from ..loads.motions import CrankMotion, Motion, as_motions, motion_terms
 from ..loads.torques import as_terms
 from ..outputs.accuracy_report import Expected
 from ..outputs.histories import Stats
-from ..outputs.selection import LEDGER, of_belt, of_core, unchecked
+from ..outputs.quantity import LEDGER
+from ..outputs.selection import of_belt, of_core, unchecked
 from ..outputs.state import State
 from ..result.errors import Interrupted, SimulationError, annotate
 from ..result.result import Result

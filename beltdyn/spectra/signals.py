@@ -11,8 +11,9 @@ import numpy as np
 from ..base.checks import Array, close_to, shown
 from ..base.naming import index_of, span_name
 from ..drive.mounts import KINDS
+from ..outputs.quantity import QUANTITIES
 from ..outputs.selection import array_names
-from ..result.labelled import described, dimensions, mount_kinds, places
+from ..result.labelled import mount_kinds, places
 from ..result.result import Result
 
 __all__ = ["Signal", "signal"]
@@ -49,8 +50,9 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
             f"output must be one of {listed}, got {output!r}; which span or pulley of it is said "
             "by span=, pulley= and the like"
         )
-    size, unit, _ = described()[output]
-    dimension = next(iter(dimensions(size)), "belt")
+    row = QUANTITIES[output]
+    size, unit = row.size, row.unit
+    dimension = next(iter(row.dimensions), "belt")
     by = "pulley" if dimension == "coupling" else dimension
     given = {key: value for key, value in where.items() if value is not None}
     if set(given) - {by}:

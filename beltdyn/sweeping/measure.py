@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Callable, Mapping, Sequence
-from functools import lru_cache
 from typing import Any
 
 import attrs
@@ -13,9 +12,11 @@ import numpy as np
 from ..base.checks import Array, close_to, share_of_run
 from ..drive.params import Params
 from ..outputs.histories import Stats, absent_groups
+from ..outputs.quantity import QUANTITIES, dimensions
+from ..outputs.quantity import Quantity as Row
 from ..report import flat, make_report
 from ..report.window import Window
-from ..result.labelled import described, dimensions, places, unit_of_mounts
+from ..result.labelled import places, unit_in
 from ..result.result import Result
 from .outcomes import Axis, Layout, Quantity, packed
 
@@ -252,15 +253,16 @@ class _Report:
 # --- Histories ------------------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=1)
-def _tables() -> dict[str, tuple[str, str, str]]:
-    """Return size, unit and text of the histories by name."""
-    return {**described(), "slip": ("PULLEYS", "1", "speed lost against pulley 0")}
+#: Histories by name.
+_HISTORIES = {
+    **QUANTITIES,
+    "slip": Row("slip", "PULLEYS", "1", "speed lost against pulley 0", "speed lost"),
+}
 
 
 def _split(name: str) -> tuple[str, str | None]:
     """Split a name into that of a history and of its reduction, as "mean"."""
-    known = _tables()
+    known = _HISTORIES
     if name in known:
         return name, None
     history, _, how = name.rpartition(".")
@@ -332,12 +334,11 @@ def _of_result(result: Result, name: str, last: float) -> Found:
         number = np.nan if value is None else value
         return Quantity(name, (), "", name, isinstance(value, str)), number
     history, how = _split(name)
-    size, unit, text = _tables()[history]
-    if size == "MOUNTS":
-        unit = unit_of_mounts(unit, result.params)
+    row = _HISTORIES[history]
+    unit, text = unit_in(row, result.params), row.text
     group, _, field = history.partition(".")
     values = np.asarray(getattr(getattr(result, group), field) if field else getattr(result, group))
-    axes = _axes(result, group, size)
+    axes = _axes(result, row.size)
     if how is None:
         time = Axis("time", tuple(map(float, result.t)), result.t.size, "s", "time")
         return Quantity(name, (time, *axes), unit, text), values
@@ -345,7 +346,7 @@ def _of_result(result: Result, name: str, last: float) -> Found:
     return Quantity(name, axes, unit, f"{_REDUCED[how]} {text}"), _reduced(window, values, how)
 
 
-def _axes(result: Result, group: str, size: str) -> tuple[Axis, ...]:
+def _axes(result: Result, size: str) -> tuple[Axis, ...]:
     found = places(result.params)
     return tuple(
         Axis(dim, () if dim in ("link", "joint") else tuple(found[dim]), len(found[dim]))
