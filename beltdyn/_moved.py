@@ -17,9 +17,7 @@ _KEPT_NAMES = {
         "balance cells compliance couplings mounts parameters params parts preload route "
         "rules sanity scene tensioning toml"
     ),
-    "base": (
-        "checks columns described files html naming npz optional rounding run_warnings stopping"
-    ),
+    "base": "checks described files naming npz optional rounding run_warnings stopping",
     "run": "checkpoints memory observed progress resuming settling simulation start_of_run",
     "result": "errors exported labelled saved",
     "loads": "motions torques",
@@ -38,6 +36,7 @@ MOVED = {
     "accuracy.space": "verification.space",
     "accuracy.table": "accuracy.study_table",
     "accuracy.verification": "verification.verification",
+    "columns": "base.tables",
     "cli.figures": "cli.figures_command",
     "cli.resuming": "cli.resume_command",
     "cli.sweeping": "cli.sweep_command",
@@ -45,9 +44,10 @@ MOVED = {
     "explaining.text": "explaining.explanation_text",
     "explaining.window": "explaining.run_length",
     "hard": "scenes.hard_scenes",
+    "html": "base.tables",
     "identification.report": "identification.findings",
     "plot.accuracy": "accuracy.price",
-    "plot.figures": "plot.panels",
+    "plot.figures": "plot.overview",
     "plot.friction": "plot.contact",
     "plot.modes": "plot.mode_shapes",
     "plot.places": "plot.belt_line",

@@ -12,9 +12,9 @@ import click
 
 from .. import __version__, accuracy, scenes
 from ..base.checks import close_to
-from ..base.columns import columns
 from ..base.run_options import BY_BUDGET, USUAL, Options
 from ..base.run_warnings import silenced
+from ..base.tables import columns
 from ..drive.parts import CHOOSE, MESHES
 from ..drive.scene import Scene
 from ..explaining import explain

@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from ..base.run_warnings import silenced
+from ..base.tables import framed
 from ..drive import sanity
 from ..drive.params import Params
 from ..outputs.accuracy_report import Accuracy
@@ -75,16 +76,8 @@ def write(outputs: Outputs, result: Result, checkpoint: Path | None) -> str:
 
 def _print_accuracy(report: Accuracy) -> None:
     """Print the errors that ``verify`` has measured."""
-    from rich.console import Console
-    from rich.table import Table
-
     heading, *rows = report.table()
-    table = Table(title="estimated errors", title_justify="left")
-    for k, label in enumerate(heading):
-        table.add_column(label, justify="right" if k else "left")
-    for row in rows:
-        table.add_row(*row)
-    Console().print(table)
+    framed("estimated errors", rows, heading)
     for remark in report.remarks():
         click.echo(f"  {remark}")
 
@@ -99,7 +92,7 @@ def print_result(
     except ValueError as error:
         missing = f"no report: {error}"
     if full or verbose or report is None:
-        _print_summary(scene, result, verbose)
+        framed(scene, result.summary(verbose))
     else:
         end, cost = result.final_state.t, result.stats.cpu_time
         click.echo(f"{scene}: {result.status}, {end:.6g} s in {cost:.3g} s of CPU time")
@@ -108,13 +101,3 @@ def print_result(
     if result.accuracy.verified:
         _print_accuracy(result.accuracy)
     click.echo(missing if report is None else report.text(full=full))
-
-
-def _print_summary(scene: str, result: Result, verbose: bool) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=scene, show_header=False, title_justify="left")
-    for label, value in result.summary(verbose):
-        table.add_row(label, value)
-    Console().print(table)

@@ -11,9 +11,9 @@ from typing import Any
 import click
 import numpy as np
 
-from ..base.columns import columns
 from ..base.optional import optional_module
 from ..base.run_warnings import silenced
+from ..base.tables import columns, framed
 from ..result.exported import write_netcdf
 from ..sweeping import file as sweep_file
 from ..sweeping.outcomes import STATUSES
@@ -147,17 +147,7 @@ def _print_cases(data: Any, numbers: list[Any]) -> bool:
 
 def _print_range(data: Any, numbers: list[Any]) -> None:
     """Print least, mean and most of each quantity."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title="over all runs", title_justify="left")
-    table.add_column(
-        "quantity", no_wrap=True, min_width=max(map(len, map(str, numbers)), default=1)
-    )
-    table.add_column("of")
-    table.add_column("unit")
-    for label in ("least", "mean", "most"):
-        table.add_column(label, justify="right")
+    cells = []
     for name in numbers:
         units = data[name].attrs.get("units", "")
         for k, (row, values) in enumerate(_rows(data, str(name))):
@@ -167,8 +157,10 @@ def _print_range(data: Any, numbers: list[Any]) -> None:
                 ends = [f"{one:.4g}" for one in (known.min(), known.mean(), known.max())]
             if np.isinf(values).any():  # such as margins of pulleys without a load
                 ends[2] = f"inf: {int(np.isinf(values).sum())}"
-            table.add_row(*(("", row, "") if k else (str(name), row, units)), *ends)
-    Console().print(table)
+            cells.append([*(("", row, "") if k else (str(name), row, units)), *ends])
+    widest = max(map(len, map(str, numbers)), default=1)
+    heading = ("quantity", "of", "unit", "least", "mean", "most")
+    framed("over all runs", cells, heading, "<<<>", widest)
 
 
 def _print(swept: Swept, seconds: float) -> None:

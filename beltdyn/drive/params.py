@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
-from ..base import html, naming
+from ..base import naming, tables
 from ..base.checks import Array
-from ..base.columns import columns
 from ..base.run_warnings import RunWarning
 from . import balance, cells, preload, sanity, toml
 from . import compliance as sinking
@@ -377,11 +376,13 @@ class Params:
 
     def __str__(self) -> str:
         head, *remarks = self._remarks()
-        return "\n".join([head, *columns(self._rows(), "<"), *(f"  {one}" for one in remarks)])
+        return "\n".join(
+            [head, *tables.columns(self._rows(), "<"), *(f"  {one}" for one in remarks)]
+        )
 
     def _repr_html_(self) -> str:
-        head, *remarks = html.paragraphs(self._remarks())
-        return "\n".join([head, html.table_of(("", "value", "meaning"), self._rows()), *remarks])
+        head, *remarks = tables.paragraphs(self._remarks())
+        return "\n".join([head, tables.table_of(("", "value", "meaning"), self._rows()), *remarks])
 
     def _rows(self) -> list[tuple[str, str, str]]:
         """Name, quantity and meaning of every number of the drive."""

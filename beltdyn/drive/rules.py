@@ -13,7 +13,7 @@ import attrs
 
 from .. import _core
 from ..base import checks
-from ..base.columns import columns
+from ..base.tables import columns
 
 __all__ = ["Printable", "Rule", "from_table", "instance_of", "rules_of", "with_choice"]
 

@@ -6,8 +6,8 @@ import re
 import textwrap
 from collections.abc import Sequence
 
-from ..base.columns import columns
 from ..base.rounding import percent
+from ..base.tables import columns
 from .ablation import ANSWERS, LEVELS, NO_GAIN, RUNS, SAFETY, Ablation, LeftOut
 from .cost import StateSize, Step
 from .effects import Effect

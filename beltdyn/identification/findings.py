@@ -12,8 +12,8 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, flag, real
-from ..base.columns import columns
 from ..base.rounding import percent
+from ..base.tables import columns
 from ..drive.params import Params
 from ..result.errors import Interrupted
 from ..result.result import Result

@@ -9,9 +9,8 @@ from typing import Protocol
 import attrs
 import numpy as np
 
-from ..base import html
+from ..base import tables
 from ..base.checks import Array
-from ..base.columns import columns
 from ..base.rounding import percent
 from ..drive import sanity
 from ..drive.sanity import Drive
@@ -243,10 +242,10 @@ class Accuracy:
 
     def _repr_html_(self) -> str:
         heading, *rows = self.table()
-        return "\n".join([html.table_of(heading, rows), *html.paragraphs(self.remarks())])
+        return "\n".join([tables.table_of(heading, rows), *tables.paragraphs(self.remarks())])
 
     def __str__(self) -> str:
-        lines = columns(self.table(), indent="")
+        lines = tables.columns(self.table(), indent="")
         return "\n".join([*lines, *(f"  {remark}" for remark in self.remarks())])
 
 

@@ -44,7 +44,7 @@ from .layout import layout
 from .ledger import energy
 from .mode_shapes import animate_mode, frequency_response, mode
 from .mounting import travel
-from .panels import overview
+from .overview import overview
 from .spectrum_lines import campbell, spectrum
 from .sweep_lines import lines
 from .sweep_map import map

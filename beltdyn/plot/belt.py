@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..base.checks import integer
+from ..outputs.quantity import QUANTITIES
 from ..result.result import Result
 from . import style
 from .labels import rows_of_names
@@ -60,7 +61,8 @@ def force_along_belt(
     at = first + np.arange(n_b) - (0.0 if flows else 0.5)
     ax.plot(at, result.joints.force[row], **(look | label | line))
     words = ("cell", "tension") if flows else ("element", "joint force")
-    style.dress(ax, f"{words[0]} along the belt", f"{words[1]} [N]")
+    force = QUANTITIES["joints.force"].axis(short=words[1])
+    style.dress(ax, f"{words[0]} along the belt", force)
     ax.set_xlim(first - 0.5, first + n_b - 0.5)
     if wraps:
         _shade_wraps(ax, result, row, first)

@@ -10,10 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
 from ..outputs.places import AlongBelt
+from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
 from . import style
-from .history import lines, pulley_lines
 from .labels import rows_of_names
+from .panel import lines, named_pulleys
 from .select import Pulleys, sample, with_samples
 
 __all__ = ["arcs", "tension_along"]
@@ -62,7 +63,9 @@ def tension_along(
         [(k, text, found.s, found.values[k]) for k, text in enumerate(texts)],
         line,
     )
-    style.dress(ax, "place along the belt line [m]", "tension [N]")
+    style.dress(
+        ax, "place along the belt line [m]", QUANTITIES["joints.force"].axis(short="tension")
+    )
     ax.set_xlim(0.0, found.length)
     if first:
         _shade(ax, result, found)
@@ -98,11 +101,13 @@ def arcs(
     """
     result = with_samples(result)
     found = result.arcs
-    ax, which = pulley_lines(result, pulleys, np.degrees(found.wrap), ax, line)
-    for k, drawn in zip(which, ax.lines[-len(which) :], strict=True):
+    columns, wrap = named_pulleys(result, pulleys), np.degrees(found.wrap)
+    ax = style.axes(ax)
+    lines(ax, [(k, name, result.t, wrap[:, k]) for k, _, name in columns], line)
+    for (k, *_), drawn in zip(columns, ax.lines[-len(columns) :], strict=True):
         slip = np.degrees(found.slip[:, k])
         ax.fill_between(result.t, slip, color=drawn.get_color(), alpha=0.25, lw=0.0)
-    style.dress(ax, "time [s]", "arc [deg]")
+    style.dress(ax, TIME.axis(), "arc [deg]")
     ax.set_ylim(bottom=0.0)
     style.legend(ax, handles=[*ax.lines, Patch(color="0.75", label="shaded: slips")])
     return ax

@@ -10,9 +10,9 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from ..base.checks import Array
+from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
-from . import style
-from .history import lines
+from .panel import panel
 from .select import Indices, choice, indices, with_samples
 
 __all__ = ["contact_forces", "friction_coefficient", "relative_velocity"]
@@ -57,11 +57,7 @@ def contact_forces(
         (n, f"{force}, {_what(result)} {k}", result.t, getattr(result.contact, force)[:, k])
         for n, (k, force) in enumerate((k, force) for k in chosen for force in forces)
     ]
-    ax = style.axes(ax)
-    lines(ax, curves, line)
-    style.dress(ax, "time [s]", "contact force [N]")
-    style.legend(ax)
-    return ax
+    return panel(ax, curves, line, y=QUANTITIES["contact.normal"].axis(short="contact force"))
 
 
 def friction_coefficient(
@@ -88,10 +84,7 @@ def friction_coefficient(
     choice("against", against, ("time", "slip"))
     if not result.params.has_friction:
         raise ValueError("result must be of a drive with friction, no pulley of it has any")
-    xlabel = "time [s]" if against == "time" else "slip displacement [mm]"
-    return _in_contact(
-        result, link, result.contact.mu, against, xlabel, "friction coefficient [1]", ax, line
-    )
+    return _in_contact(result, link, "contact.mu", against, ax, line)
 
 
 def relative_velocity(
@@ -110,38 +103,31 @@ def relative_velocity(
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
-    velocity = result.contact.velocity
-    label = "relative velocity [m/s]"
-    return _in_contact(result, link, velocity, "time", "time [s]", label, ax, line)
+    return _in_contact(with_samples(result), link, "contact.velocity", "time", ax, line)
 
 
 def _in_contact(
     result: Result,
     link: Indices,
-    values: Array,
+    quantity: str,
     against: str,
-    xlabel: str,
-    ylabel: str,
     ax: Axes | None,
     given: dict[str, Any],
 ) -> Axes:
-    curves = []
+    row, curves = QUANTITIES[quantity], []
+    values: Array = getattr(result.contact, row.field)
     for n, k in enumerate(indices("link", link, result.params.n_bodies)):
         touches = result.contact.pulley[:, k] >= 0
-        x = result.t if against == "time" else 1e3 * result.contact.slip[:, k]
+        at = result.t if against == "time" else 1e3 * result.contact.slip[:, k]
         y = np.where(touches, values[:, k], np.nan)
         if against == "slip":
-            x = np.where(touches, x, np.nan)
+            at = np.where(touches, at, np.nan)
         flows = result.params._belt_facts["flows"]
         anew = np.zeros(0, dtype=np.intp) if flows else _begun_anew(result, k)
         name = f"{_what(result)} {k}" + ("" if touches.any() else " (no contact)")
-        curves.append((n, name, np.insert(x, anew, np.nan), np.insert(y, anew, np.nan)))
-    ax = style.axes(ax)
-    lines(ax, curves, given)
-    style.dress(ax, xlabel, ylabel)
-    style.legend(ax)
-    return ax
+        curves.append((n, name, np.insert(at, anew, np.nan), np.insert(y, anew, np.nan)))
+    x = TIME.axis() if against == "time" else QUANTITIES["contact.slip"].axis("mm")
+    return panel(ax, curves, given, x, row.axis())
 
 
 def _what(result: Result) -> str:

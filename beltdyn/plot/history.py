@@ -2,107 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 from matplotlib.axes import Axes
 
-from ..base.checks import Array
 from ..base.naming import span_name
+from ..outputs.quantity import SPANS
 from ..result.result import Result
 from . import style
-from .select import Indices, Pulleys, indices, pulley_indices, with_samples
+from .panel import named_pulleys, over_time
+from .select import Indices, Pulleys, indices, with_samples
 
 __all__ = [
     "joint_deformation",
     "joint_force",
-    "lines",
-    "pulley_lines",
     "span_tensions",
     "speeds",
     "torques",
 ]
-
-_TIME = "time [s]"
-
-
-def lines(ax: Axes, curves: Iterable[tuple[int, str, Array, Array]], given: dict[str, Any]) -> None:
-    """Draw curves of (style, name, x, y); ``given`` goes to ``plot``.
-
-    A ``label`` replaces the name of a single curve and stands before those of several.
-    """
-    chosen = list(curves)
-    for k, name, x, y in chosen:
-        label = given.get("label", name)
-        if "label" in given and len(chosen) > 1 and label is not None:
-            label = f"{label}, {name}"
-        look = style.line_style(style.unused(ax, k)) | {"linewidth": 1.2}
-        # matplotlib knows some keywords by two names.
-        short = {"color": "c", "linestyle": "ls", "linewidth": "lw"}
-        look = {key: value for key, value in look.items() if short[key] not in given}
-        ax.plot(x, y, **(look | given | {"label": label}))
-
-
-def _over_time(
-    result: Result,
-    columns: list[int],
-    values: Array,
-    names: list[str],
-    ylabel: str,
-    ax: Axes | None,
-    given: dict[str, Any],
-    *,
-    fixed_styles: bool = True,
-) -> Axes:
-    """Draw a line per column; with ``fixed_styles`` a column has the same style in every figure."""
-    ax = style.axes(ax)
-    lines(
-        ax,
-        [
-            (column if fixed_styles else k, name, result.t, values[:, column])
-            for k, (column, name) in enumerate(zip(columns, names, strict=True))
-        ],
-        given,
-    )
-    style.dress(ax, _TIME, ylabel)
-    style.legend(ax)
-    return ax
-
-
-def pulley_lines(
-    result: Result,
-    pulleys: Pulleys | None,
-    values: Array,
-    ax: Axes | None,
-    given: dict[str, Any],
-) -> tuple[Axes, list[int]]:
-    """Draw a line for each pulley asked for, of values (n_t, n_p) over time; return their indices.
-
-    Labels and the legend are left to the caller.
-    """
-    which = pulley_indices(pulleys, result.pulleys.names)
-    names = [style.plain(result.pulleys.names[k]) for k in which]
-    ax = style.axes(ax)
-    lines(
-        ax,
-        [(k, name, result.t, values[:, k]) for k, name in zip(which, names, strict=True)],
-        given,
-    )
-    return ax, which
-
-
-def _pulleys(
-    result: Result,
-    pulleys: Pulleys | None,
-    values: Array,
-    ylabel: str,
-    ax: Axes | None,
-    given: dict[str, Any],
-) -> Axes:
-    ax, _ = pulley_lines(result, pulleys, values, ax, given)
-    style.dress(ax, _TIME, ylabel)
-    style.legend(ax)
-    return ax
 
 
 def speeds(
@@ -123,17 +40,17 @@ def speeds(
         TypeError, ValueError: An argument breaks its rule.
     """
     result = with_samples(result)
-    ax, which = pulley_lines(result, pulleys, result.pulleys.omega, ax, line)
+    columns = named_pulleys(result, pulleys)
+    which = [k for k, *_ in columns]
+    rims = []
     for c, k in enumerate(result.params.coupled):
         if k in which and result.couplings is not None:
             coupling = result.params.pulleys[k].coupling
             part = "rim" if coupling is None else coupling._part
             name = f"{part} of {style.plain(result.pulleys.names[k])}"
-            look = line | {"linestyle": ":"}
-            lines(ax, [(k, name, result.t, result.couplings.rim_speed[:, c])], look)
-    style.dress(ax, _TIME, "angular velocity [rad/s]")
-    style.legend(ax)
-    return ax
+            rim = (k, name, result.t, result.couplings.rim_speed[:, c])
+            rims.append((rim, {"linestyle": ":"}))
+    return over_time(result, "pulleys.omega", columns, ax, line, more=rims)
 
 
 def torques(
@@ -151,7 +68,7 @@ def torques(
         TypeError, ValueError: An argument breaks its rule.
     """
     result = with_samples(result)
-    return _pulleys(result, pulleys, result.pulleys.torque, "set torque [N m]", ax, line)
+    return over_time(result, "pulleys.torque", named_pulleys(result, pulleys), ax, line)
 
 
 def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
@@ -167,12 +84,9 @@ def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axe
     """
     result = with_samples(result)
     pulleys, count = result.pulleys.names, len(result.pulleys.names)
-    columns = list(range(count))
-    names = [
-        style.plain(span_name(k, pulleys, unnamed=f"span {k} to {(k + 1) % count}"))
-        for k in columns
-    ]
-    return _over_time(result, columns, result.span_tension, names, "span tension [N]", ax, line)
+    names = [span_name(k, pulleys, unnamed=f"span {k} to {(k + 1) % count}") for k in range(count)]
+    columns = [(k, k, style.plain(name)) for k, name in enumerate(names)]
+    return over_time(result, SPANS, columns, ax, line)
 
 
 def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any) -> Axes:
@@ -189,7 +103,7 @@ def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **lin
         TypeError, ValueError: An argument breaks its rule.
     """
     result = with_samples(result)
-    return _joints(result, joint, result.joints.force, "joint force [N]", ax, line)
+    return over_time(result, "joints.force", _joints(result, joint), ax, line)
 
 
 def joint_deformation(
@@ -207,19 +121,12 @@ def joint_deformation(
         TypeError, ValueError: An argument breaks its rule.
     """
     result = with_samples(result)
-    stretch = 1e3 * result.joints.deformation
-    return _joints(result, joint, stretch, "joint deformation [mm]", ax, line)
+    columns = _joints(result, joint)
+    return over_time(result, "joints.deformation", columns, ax, line, (1e3, "mm"))
 
 
-def _joints(
-    result: Result,
-    joint: Indices,
-    values: Array,
-    ylabel: str,
-    ax: Axes | None,
-    given: dict[str, Any],
-) -> Axes:
-    which = indices("joint", joint, result.params.n_bodies)
+def _joints(result: Result, joint: Indices) -> list[tuple[int, int, str]]:
+    """Return style, number and name of each joint asked for, in the order of the styles."""
     what = "cell" if result.params._belt_facts["flows"] else "joint"
-    names = [f"{what} {k}" for k in which]
-    return _over_time(result, which, values, names, ylabel, ax, given, fixed_styles=False)
+    which = indices("joint", joint, result.params.n_bodies)
+    return [(n, k, f"{what} {k}") for n, k in enumerate(which)]

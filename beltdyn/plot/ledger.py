@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
+from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
 from . import style
 from .select import with_samples
@@ -72,7 +73,7 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
     amount = f"{passed:.3g} J" if passed < 1e3 else f"{passed / 1e3:.3g} kJ"
     share = f", {worst / passed:.1g} of {amount} transmitted" if passed > 0 else ""
     ax.set_title(f"residual at most {worst:.1g} J{share}", fontsize="small")
-    style.dress(ax, "time [s]", "energy [J]")
+    style.dress(ax, TIME.axis(), QUANTITIES["energy.passed"].axis(short="energy"))
     style.add_headroom(ax, rows=-(-len(ax.get_legend_handles_labels()[0]) // 2))
     style.legend(ax, loc="upper left", ncols=2, handlelength=1.6, columnspacing=1.2)
     return ax

@@ -13,6 +13,7 @@ from matplotlib.patheffects import withStroke
 from ..base.checks import Array, integer, positive
 from ..base.naming import span_name
 from ..base.rounding import percent
+from ..outputs.quantity import QUANTITIES, SPANS
 from ..outputs.spans import lines_of_cells
 from ..vibration import FrequencyResponse, Modes
 from . import style
@@ -200,11 +201,12 @@ def _unbroken(frequency: Array, phase: Array) -> tuple[Array, Array]:
     return np.insert(frequency, ends, np.nan), np.insert(phase, ends, np.nan)
 
 
+#: Quantities of a response, and what their axis calls them if not as elsewhere.
 _QUANTITIES = {
-    "theta": ("angle", "rad"),
-    "omega": ("speed", "rad/s"),
-    "span_tension": ("span tension", "N"),
-    "travel": ("travel", "rad or m"),
+    "theta": (QUANTITIES["pulleys.theta"], "angle"),
+    "omega": (QUANTITIES["pulleys.omega"], "speed"),
+    SPANS: (QUANTITIES[SPANS], ""),
+    "travel": (QUANTITIES["mounts.travel"], "travel"),
 }
 
 
@@ -249,8 +251,8 @@ def frequency_response(
         upper.plot(response.frequency, abs(values[:, k]), label=style.plain(names[k]), **look)
         lower.plot(*_unbroken(response.frequency, np.degrees(np.angle(values[:, k]))), **look)
     upper.set_yscale("log")
-    what, unit = _QUANTITIES[output]
-    style.dress(upper, "", f"amplitude of {what} [{unit}]")
+    row, short = _QUANTITIES[output]
+    style.dress(upper, "", f"amplitude of {row.axis(short=short)}")
     style.dress(lower, "frequency [Hz]", "phase [deg]")
     lower.set_yticks([-180, -90, 0, 90, 180])
     style.legend(upper)

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 
 from ..base.checks import Array
 from ..drive.parts import Pulley
+from ..outputs.quantity import TIME
 from ..result.result import Result
 from . import style
 
@@ -89,6 +90,6 @@ def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
         name = style.plain(result.pulleys.names[k])
         label = name if len(units) == 1 else f"{name} [{unit}]"
         ax.plot(result.t, way, **({"label": label} | style.line_style(k) | {"lw": 1.2} | line))
-    style.dress(ax, "time [s]", f"travel from the drawn place [{', '.join(units)}]")
+    style.dress(ax, TIME.axis(), f"travel from the drawn place [{', '.join(units)}]")
     style.legend(ax)
     return ax

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..base.checks import Array, pair, real
 from ..outputs.arcs import full_friction
 from ..outputs.places import follow
+from ..outputs.quantity import QUANTITIES
 from ..outputs.spans import has_angles, lines_of_cells
 from ..result.result import Result
 from . import style
@@ -29,7 +30,10 @@ from .select import choice
 __all__ = ["DrivePicture"]
 
 _MAPS = {"tension": "viridis", "friction": "PuOr_r"}
-_LABELS = {"tension": "belt tension [N]", "friction": "friction coefficient [1]"}
+_LABELS = {
+    "tension": QUANTITIES["joints.force"].axis(short="belt tension"),
+    "friction": QUANTITIES["contact.mu"].axis(),
+}
 #: Marks of stick and slip: name, colour, dashes; and where they run, in radii.
 _ARCS = (
     ("belt sticks", style.COLOURS[0], "-"),

@@ -19,7 +19,7 @@ from ..result.result import Result
 from ..spectra import Spectrogram, Spectrum, folded, speed_spectra
 from ..spectra import spectrum as spectrum_of
 from . import style
-from .history import lines
+from .panel import lines
 from .select import with_samples
 
 __all__ = ["campbell", "spectrum"]

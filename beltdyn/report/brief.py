@@ -6,9 +6,8 @@ import math
 import textwrap
 from collections.abc import Iterator
 
-from ..base.columns import columns
-from ..base.html import paragraphs
 from ..base.rounding import rounded
+from ..base.tables import columns, paragraphs
 from ..drive.mounts import KINDS
 from . import digits, text
 from .digits import (

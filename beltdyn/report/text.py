@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import html as escape
-import itertools
 import math
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from .. import _core
-from ..base.columns import columns, widths
-from ..base.html import paragraphs, table_of
+from ..base.tables import columns, fitted, paragraphs, table_of
 from ..drive.mounts import KINDS
 from . import digits
 from .cycles import CLASSES
@@ -530,7 +528,7 @@ def lines(report: ReportData) -> list[str]:
     ]
     for table in tables(report):
         found += ["", *textwrap.wrap(table.title, _WIDTH)]
-        for whole in _fitted([table.heading, *table.rows]):
+        for whole in fitted([table.heading, *table.rows], _WIDTH):
             found += columns(whole)
         for remark in table.remarks:
             found += _wrapped(remark)
@@ -543,23 +541,6 @@ def lines(report: ReportData) -> list[str]:
         for note in report.notes:
             found += _wrapped(note)
     return found
-
-
-def _fitted(rows: list[tuple[str, ...]]) -> list[list[tuple[str, ...]]]:
-    """Break a table that is too wide into as few as fit, all with the first column, alike wide."""
-    wide_are = widths(rows)
-    n = len(wide_are)
-
-    def wide(cut: tuple[int, ...]) -> int:
-        ends = zip((1, *cut), (*cut, n), strict=True)
-        return max(2 + wide_are[0] + sum(2 + one for one in wide_are[a:b]) for a, b in ends)
-
-    for parts in range(1, n):
-        cut = min(itertools.combinations(range(2, n), parts - 1), key=wide)
-        if wide(cut) <= _WIDTH or parts == n - 1:
-            ends = list(zip((1, *cut), (*cut, n), strict=True))
-            return [[(row[0], *row[a:b]) for row in rows] for a, b in ends]
-    return [rows]
 
 
 def _warnings(report: ReportData) -> list[str]:

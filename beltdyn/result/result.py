@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
-from ..base import html
+from ..base import tables
 from ..base.checks import Array, close_to, flag, real_array
-from ..base.columns import columns
 from ..base.naming import span_name, with_names
 from ..base.rounding import rounded
 from ..base.run_warnings import RunWarning
@@ -380,13 +379,13 @@ class Result:
         )
 
     def __str__(self) -> str:
-        return "\n".join([repr(self), *columns(self.summary(), "<")])
+        return "\n".join([repr(self), *tables.columns(self.summary(), "<")])
 
     def _repr_html_(self) -> str:
         rows = [(label.replace("  ", "\u2003"), value) for label, value in self.summary()]
-        parts = html.paragraphs([repr(self)])
+        parts = tables.paragraphs([repr(self)])
         return "\n".join(
-            [*parts, html.table_of((), rows), *html.paragraphs(map(str, self.warnings))]
+            [*parts, tables.table_of((), rows), *tables.paragraphs(map(str, self.warnings))]
         )
 
     def summary(self, verbose: bool = False) -> list[tuple[str, str]]:

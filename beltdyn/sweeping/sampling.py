@@ -9,8 +9,8 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, flag, integer, one_of, pair, shown
-from ..base.columns import columns
 from ..base.optional import optional_module
+from ..base.tables import columns
 
 __all__ = ["METHODS", "Samples", "sample"]
 

@@ -11,8 +11,8 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, close_to, integer, real, shown
-from ..base.columns import columns
 from ..base.optional import optional_module
+from ..base.tables import columns
 from .estimators import CONSTANT, Design, Indices, by_groups, by_runs
 from .sampling import METHODS
 

@@ -7,7 +7,7 @@ import textwrap
 import attrs
 import numpy as np
 
-from ..base import html
+from ..base import tables
 from ..base.checks import Array
 from ..base.rounding import percent
 from ..drive.params import Params
@@ -126,8 +126,8 @@ class Modes:
     def _repr_html_(self) -> str:
         above, modes, below = self._told()
         rows = [(str(k), *cells) for k, cells in enumerate(modes)]
-        shown = html.table_of(("k", "frequency Hz", "damping %", "what moves"), rows)
-        return "\n".join([*html.paragraphs(above), shown, *html.paragraphs(below)])
+        shown = tables.table_of(("k", "frequency Hz", "damping %", "what moves"), rows)
+        return "\n".join([*tables.paragraphs(above), shown, *tables.paragraphs(below)])
 
     def _told(self) -> tuple[list[str], list[tuple[str, str, str]], list[str]]:
         """Return the lines above the modes; of each frequency, damping, name; the lines below."""

@@ -1,0 +1,83 @@
+"""Tables: as text in aligned columns, framed on a terminal, in HTML for notebooks."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Sequence
+from html import escape
+
+__all__ = ["columns", "fitted", "framed", "paragraphs", "table_of"]
+
+_Rows = Sequence[Sequence[str]]
+
+
+def columns(rows: _Rows, sides: str = "<>", indent: str = "  ") -> list[str]:
+    """Return the lines of a table."""
+    wide = _widths(rows)
+    sides = sides.ljust(len(wide), sides[-1])
+    cells = [f"{side}{n}" for side, n in zip(sides, wide, strict=False)]
+    return [indent + "  ".join(map(format, row, cells)).rstrip() for row in rows]
+
+
+def _widths(rows: _Rows) -> list[int]:
+    """Return the widths of the columns."""
+    return [max(map(len, column)) for column in zip(*rows, strict=True)]
+
+
+def fitted(rows: list[tuple[str, ...]], width: int) -> list[list[tuple[str, ...]]]:
+    """Break a table that is too wide into as few as fit, all with the first column, alike wide."""
+    wide_are = _widths(rows)
+    n = len(wide_are)
+
+    def wide(cut: tuple[int, ...]) -> int:
+        ends = zip((1, *cut), (*cut, n), strict=True)
+        return max(2 + wide_are[0] + sum(2 + one for one in wide_are[a:b]) for a, b in ends)
+
+    for parts in range(1, n):
+        cut = min(itertools.combinations(range(2, n), parts - 1), key=wide)
+        if wide(cut) <= width or parts == n - 1:
+            ends = list(zip((1, *cut), (*cut, n), strict=True))
+            return [[(row[0], *row[a:b]) for row in rows] for a, b in ends]
+    return [rows]
+
+
+def framed(
+    title: str,
+    rows: Iterable[Sequence[str]],
+    heading: Sequence[str] = (),
+    sides: str = "<>",
+    first: int | None = None,
+) -> None:
+    """Print a table in a frame, as wide as the terminal; ``first``: least width of column one."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, show_header=bool(heading), title_justify="left")
+    for k, label in enumerate(heading):
+        justify = "right" if sides[min(k, len(sides) - 1)] == ">" else "left"
+        table.add_column(
+            label,
+            justify=justify,  # type: ignore[arg-type]
+            no_wrap=k == 0 and first is not None,
+            min_width=first if k == 0 else None,
+        )
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+
+
+def table_of(heading: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> str:
+    """Return a table; an empty heading is left out."""
+
+    def row(tag: str, cells: Iterable[str]) -> str:
+        return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
+    head = f"<thead>{row('th', heading)}</thead>" if heading else ""
+    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    body = "".join(row("td", cells) for cells in rows)
+    return f"<table>{title}{head}<tbody>{body}</tbody></table>"
+
+
+def paragraphs(texts: Iterable[str]) -> list[str]:
+    """Return each text as a paragraph."""
+    return [f"<p>{escape(one.strip())}</p>" for one in texts]

@@ -1,0 +1,84 @@
+"""A panel: curves over an axis, with labels, grid and legend; lines of a quantity over time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from matplotlib.axes import Axes
+
+from ..base.checks import Array
+from ..outputs.quantity import QUANTITIES, TIME
+from ..result.result import Result
+from . import style
+from .select import Pulleys, pulley_indices
+
+__all__ = ["Curve", "lines", "named_pulleys", "over_time", "panel"]
+
+#: The number of its style, its name, x and y.
+Curve = tuple[int, str, Array, Array]
+
+
+def lines(ax: Axes, curves: Iterable[Curve], given: dict[str, Any]) -> None:
+    """Draw curves of (style, name, x, y); ``given`` goes to ``plot``.
+
+    A ``label`` replaces the name of a single curve and stands before those of several.
+    """
+    chosen = list(curves)
+    for k, name, x, y in chosen:
+        label = given.get("label", name)
+        if "label" in given and len(chosen) > 1 and label is not None:
+            label = f"{label}, {name}"
+        look = style.line_style(style.unused(ax, k)) | {"linewidth": 1.2}
+        # matplotlib knows some keywords by two names.
+        short = {"color": "c", "linestyle": "ls", "linewidth": "lw"}
+        look = {key: value for key, value in look.items() if short[key] not in given}
+        ax.plot(x, y, **(look | given | {"label": label}))
+
+
+def panel(
+    ax: Axes | None,
+    curves: Iterable[Curve],
+    given: dict[str, Any],
+    x: str = TIME.axis(),
+    y: str = "",
+    more: Iterable[tuple[Curve, dict[str, Any]]] = (),
+) -> Axes:
+    """Draw curves into axes, or those of a new figure, with the labels ``x`` and ``y``.
+
+    ``more``: curves with a look of their own.
+    """
+    ax = style.axes(ax)
+    lines(ax, curves, given)
+    for curve, look in more:
+        lines(ax, [curve], given | look)
+    style.dress(ax, x, y)
+    style.legend(ax)
+    return ax
+
+
+def over_time(
+    result: Result,
+    quantity: str,
+    columns: Sequence[tuple[int, int, str]],
+    ax: Axes | None,
+    given: dict[str, Any],
+    scale: tuple[float, str] = (1.0, ""),
+    more: Iterable[tuple[Curve, dict[str, Any]]] = (),
+) -> Axes:
+    """Draw columns of a quantity over time: of each its style, number and name.
+
+    ``scale``: factor and unit in which it is shown.
+    """
+    row, (factor, unit) = QUANTITIES[quantity], scale
+    held = getattr(result, row.group) if row.group else result
+    values = getattr(held, row.field)
+    values = values if factor == 1.0 else factor * values
+    curves = [(k, name, result.t, values[:, column]) for k, column, name in columns]
+    return panel(ax, curves, given, y=row.axis(unit), more=more)
+
+
+def named_pulleys(result: Result, pulleys: Pulleys | None) -> list[tuple[int, int, str]]:
+    """Return style, index and name of each pulley asked for, the same style in every figure."""
+    names = result.pulleys.names
+    return [(k, k, style.plain(names[k])) for k in pulley_indices(pulleys, names)]
