@@ -28,7 +28,7 @@ _KEPT_NAMES = {
 MOVED = {
     **{old: f"{room}.{old}" for room, names in _KEPT_NAMES.items() for old in names.split()},
     "accuracy.budget": "verification.budget",
-    "accuracy.pilot": "verification.pilot",
+    "accuracy.pilot": "verification.forecast",
     "accuracy.quantities": "verification.quantities",
     "accuracy.rows": "accuracy.study_rows",
     "accuracy.runs": "verification.runs",
@@ -46,7 +46,7 @@ MOVED = {
     "hard": "scenes.hard_scenes",
     "html": "base.tables",
     "identification.report": "identification.findings",
-    "plot.accuracy": "accuracy.price",
+    "plot.accuracy": "accuracy.study_figures",
     "plot.figures": "plot.overview",
     "plot.friction": "plot.contact",
     "plot.modes": "plot.mode_shapes",

@@ -22,8 +22,8 @@ from tiers import OTHERS, ci_if
 from two_pulleys import open_drive
 
 import beltdyn as bd
-from beltdyn.report.margin import Steady, full_slip
 from beltdyn.report.powers import _bristles
+from beltdyn.report.slip_torque import Steady, full_slip
 from beltdyn.report.window import Window
 from beltdyn.scenes import get
 

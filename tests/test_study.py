@@ -27,7 +27,7 @@ from beltdyn.cli import main
 from beltdyn.drive import sanity
 from beltdyn.outputs.accuracy_report import SPACE_FLOOR, WORDS
 from beltdyn.verification import budget
-from beltdyn.verification.pilot import LADDER, Pilot
+from beltdyn.verification.forecast import LADDER, Pilot
 from beltdyn.verification.quantities import Observed, differences, observe
 from beltdyn.verification.runs import Done, Reached
 from beltdyn.verification.settings import Setting, fewest

@@ -194,6 +194,6 @@ class Study:
             TypeError, ValueError: An argument breaks its rule.
             ImportError: There is no matplotlib.
         """
-        from .price import price
+        from .study_figures import price
 
         return price(self, quantity, error=error)

@@ -16,7 +16,7 @@ from ..drive.scene import Scene
 from ..outputs.accuracy_report import Expected
 from ..result.errors import SimulationError
 from ..run.simulation import settle, simulate
-from ..verification.pilot import Forecast, Pilot
+from ..verification.forecast import Forecast, Pilot
 from ..verification.quantities import with_links
 from ..verification.runs import Runs, whole_scene
 from ..verification.settings import Setting

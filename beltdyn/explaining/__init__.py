@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from ..base.described import describe_all
 from .ablation import Ablation, LeftOut
-from .cost import Pass, StateSize, Step
 from .effects import Effect
 from .explanation import Explanation, explain
+from .step_cost import Pass, StateSize, Step
 
 __all__ = ["Ablation", "Effect", "Explanation", "LeftOut", "Pass", "StateSize", "Step", "explain"]
 

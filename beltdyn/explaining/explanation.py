@@ -20,11 +20,11 @@ from ..loads.torques import TorqueLike, as_terms
 from ..outputs.state import State
 from ..run.simulation import METHODS
 from .ablation import Ablation, Runs, ablate
-from .cost import Pass, StateSize, Step, size_of, time_step
 from .effects import Effect, effects_of
 from .explanation_text import text_of
 from .removals import Removal, leave_out, removals_of
 from .run_length import Drive, Timed, Window, find_window
+from .step_cost import Pass, StateSize, Step, size_of, time_step
 
 __all__ = ["Explanation", "explain"]
 

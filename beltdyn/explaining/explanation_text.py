@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from ..base.rounding import percent
 from ..base.tables import columns
 from .ablation import ANSWERS, LEVELS, NO_GAIN, RUNS, SAFETY, Ablation, LeftOut
-from .cost import StateSize, Step
 from .effects import Effect
 from .run_length import Window
+from .step_cost import StateSize, Step
 
 __all__ = ["text_of"]
 

@@ -20,8 +20,8 @@ from . import linear
 from .experiment import Target
 from .findings import Identification, IdentificationInterrupted
 from .free import Free, Parameter, resolve
-from .losses import cost_and_weights
 from .options import Options
+from .outlier_weights import cost_and_weights
 from .trials import Rig, Trial
 
 __all__ = ["identify"]

@@ -10,7 +10,7 @@ import attrs
 from ..base.checks import one_of, pair, positive, real
 from .findings import confidence_of
 from .free import Parameter
-from .losses import LOSSES
+from .outlier_weights import LOSSES
 
 __all__ = ["Options"]
 

@@ -17,8 +17,8 @@ from ..base.checks import Array
 from ..drive.span import Span
 from ..outputs.arcs import in_slip
 from ..outputs.gross_slip import durations
-from .margin import FullSlip, Steady, full_slip
 from .rows import PulleyRow, Spread
+from .slip_torque import FullSlip, Steady, full_slip
 from .touching import Touching
 from .window import Window
 

@@ -32,8 +32,8 @@ def resume(
     The result is that of the whole run, and the same bit for bit as without the stop: samples,
     final state, counters and warnings. Only times differ: those of ``result.stats`` are the sums
     over all parts. For a run that had finished, the result is returned again. What was computed
-    after the last write is computed again, and where a write was cut off or the end of the file is
-    damaged, what was computed after the last write that is whole.
+    after the last write that is whole is computed again. A write that was cut off has a journal
+    beside the file (``path`` with "-journal"): keep the two together.
 
     The same bits need the same version of beltdyn, compiler and instruction level of the C core;
     otherwise it is refused. On a processor that has more, set ``BELTDYN_KERNELS`` to the level that
@@ -54,7 +54,7 @@ def resume(
     Raises:
         OSError: The file cannot be read, or not written with ``checkpoint``; it need not be
             damaged then. BlockingIOError: another run is writing to it.
-        ValueError: It is not such a file, it is damaged from its beginning on, of another version
+        ValueError: It is not such a file, it is damaged, of another version
             or instruction level, or of another run than the torque or motion given; or these are
             needed. One line says which.
         Exception: What :func:`beltdyn.simulate` raises, with the result up to there.

@@ -17,7 +17,7 @@ from ..drive.scene import Scene
 from ..outputs.accuracy_report import Expected
 from ..outputs.state import State
 from ..result.result import Result
-from .pilot import Forecast, Pilot
+from .forecast import Forecast, Pilot
 from .quantities import with_links
 from .runs import Reached, Runs
 

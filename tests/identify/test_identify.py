@@ -34,7 +34,7 @@ from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn.identification import linear
-from beltdyn.identification.losses import LOSSES, cost_and_weights
+from beltdyn.identification.outlier_weights import LOSSES, cost_and_weights
 
 pytestmark = COARSE
 
