@@ -18,9 +18,10 @@ import pytest
 import beltdyn as bd
 from beltdyn import _core
 from beltdyn.base.rounding import percent, rounded
+from beltdyn.base.tables import fitted
 from beltdyn.report import Rows, brief, digits
 from beltdyn.report.rows import RESIDUAL, MountRow, Spread
-from beltdyn.report.text import _fitted, tables
+from beltdyn.report.text import tables
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
@@ -249,7 +250,7 @@ def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
     text = told.text(full=True)
     assert max(map(len, text.splitlines())) <= 80 and text.count(params.pulley_names[0]) >= 5
     wide = [tuple(f"{'x' * 15}{k}{j}" for k in range(9)) for j in range(3)]
-    parts = _fitted(wide)
+    parts = fitted(wide, 80)
     assert len(parts) == 3  # of 8 columns of 19 characters, 3 fit beside the first
     for part in parts:
         assert [row[0] for row in part] == [row[0] for row in wide]
