@@ -20,8 +20,7 @@ import mounted_drives
 import numpy as np
 
 import beltdyn as bd
-from beltdyn.many import store
-from beltdyn.sweeping import dispatch
+from beltdyn.many import dispatch, store
 from beltdyn.sweeping.sweep import Swept, run_sweep
 
 #: Texts at the start of a program in another process, which then finds the modules of the tests.

@@ -55,7 +55,7 @@ def imported(name: str, file: Path, tree: ast.AST, known: set[str]) -> Iterator[
 #: Rooms of the package; each may import from those after it. CONTRIBUTING.md says so, too.
 ROOMS = (
     "cli", "sweeping", "identification", "accuracy", "plot", "explaining", "vibration",
-    "spectra", "scenes", "many", "run", "verification", "result", "report", "outputs", "drive",
+    "spectra", "scenes", "run", "verification", "many", "result", "report", "outputs", "drive",
     "loads", "base",
 )  # fmt: skip
 OF_ROOMS = tuple(f"beltdyn.{name}" for name in ROOMS)

@@ -25,8 +25,8 @@ from sweep_runs import (
 )
 
 import beltdyn as bd
+from beltdyn.many.dispatch import Dispatch
 from beltdyn.sweeping import names
-from beltdyn.sweeping.dispatch import Dispatch
 from beltdyn.sweeping.measure import as_measure
 
 pytestmark = pytest.mark.filterwarnings("ignore:long_links")

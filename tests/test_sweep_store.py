@@ -24,9 +24,10 @@ from sweep_runs import MEASURE, TIMES, do, plain, same, under_function
 import beltdyn as bd
 from beltdyn.base import sqlite
 from beltdyn.many import store
+from beltdyn.many.outcome import Outcome
 from beltdyn.many.store import Kept, Store
 from beltdyn.sweeping import SweepInterrupted, content
-from beltdyn.sweeping.outcomes import Axis, Layout, Outcome, Quantity
+from beltdyn.sweeping.outcomes import Axis, Layout, Quantity, Row, of_kept, to_kept
 
 N = 60
 
@@ -307,15 +308,14 @@ def test_a_changed_bit_is_found(tmp_path: Path) -> None:
         f"key {k}": Outcome(
             status="finished",
             message="as it ended",
-            layout=layout,
-            numbers=np.array([0.1, k + 0.2]),
+            value=Row(layout, np.array([0.1, k + 0.2])),
             final=np.arange(3.0) + 0.3,
         )
         for k in range(3)
     }
-    kept = {key: outcome.as_kept() for key, outcome in outcomes.items()}
+    kept = {key: to_kept(outcome) for key, outcome in outcomes.items()}
     for key, outcome in outcomes.items():
-        again = attrs.asdict(Outcome.of_kept(kept[key]), recurse=False)
+        again = attrs.asdict(of_kept(kept[key]), recurse=False)
         np.testing.assert_equal(again, attrs.asdict(outcome, recurse=False))
     one = Store(tmp_path)
     for key, each in kept.items():

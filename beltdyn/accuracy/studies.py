@@ -14,17 +14,18 @@ import numpy as np
 
 from .. import _core
 from ..base.checks import flag, integer, positive, real
+from ..base.progress import counted
 from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.motions import in_core
 from ..loads.torques import Torque
+from ..many.outcome import attempt
 from ..many.pools import Pool, as_pool
 from ..many.store import Kept, Store
 from ..result.errors import SimulationError
-from ..run.progress import counted
 from ..run.simulation import settle, simulate
 from ..verification.quantities import QUANTITIES, Observed, differences, with_links
-from ..verification.runs import Runs, whole_scene
+from ..verification.runs import Done, Runs, whole_scene
 from ..verification.settings import METHODS, RTOLS, Setting, fewest, meshes
 from .study_rows import Row
 from .study_table import Study
@@ -296,15 +297,20 @@ class _Job:
         self, setting: Setting, own: list[tuple[Setting, Observed]], fine: Observed
     ) -> dict[str, Any]:
         times: list[float] = []
-        try:
+
+        def run() -> Done:
             while not times or (
                 len(times) < _REPEATS and (len(times) + 1) * min(times) <= _REPEATED * self.limit
             ):
                 done = self.runs(setting)
                 times.append(done.cpu)
-        except SimulationError as error:
+            return done
+
+        outcome = attempt(run, SimulationError)
+        if outcome.status != "finished":
             failed = {"seconds": float("nan"), "repeats": 0, "steps": 0, "error": {}, "time": {}}
-            return {**failed, "failure": str(error)}
+            return {**failed, "failure": outcome.message}
+        done: Done = outcome.value
         apart = [differences(done.seen, seen) for seen in _unrelated(setting.method, own)]
         return {
             "seconds": min(times),

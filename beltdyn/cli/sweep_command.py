@@ -14,9 +14,9 @@ import numpy as np
 from ..base.optional import optional_module
 from ..base.run_warnings import silenced
 from ..base.tables import columns, framed
+from ..many.outcome import STATUSES
 from ..result.exported import write_netcdf
 from ..sweeping import file as sweep_file
-from ..sweeping.outcomes import STATUSES
 from ..sweeping.sweep import SweepInterrupted, Swept, run_sweep
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, reported, stop
 from .written import check_out, check_writable

@@ -29,6 +29,7 @@ import numpy as np
 
 from ..base.checks import Array
 from ..drive.scene import Scene
+from ..many.outcome import attempt
 from ..outputs.averages import time_weights
 from ..result.errors import SimulationError
 from ..result.result import Result
@@ -337,12 +338,15 @@ class _Base:
 
     def left_out(self, name: str, group: Sequence[Removal]) -> LeftOut:
         """Run without some effects, and compare."""
-        try:
-            scene = leave_out(self.scene, group)
-            result = self._run(name, scene)
-            changes = changes_of(answers_of(result), self.answers)
-        except (SimulationError, ValueError) as failure:
-            return _unknown(name, group, str(failure))
+
+        def run() -> tuple[Result, dict[str, Array]]:
+            result = self._run(name, leave_out(self.scene, group))
+            return result, changes_of(answers_of(result), self.answers)
+
+        outcome = attempt(run, (SimulationError, ValueError))
+        if outcome.status != "finished":
+            return _unknown(name, group, outcome.message)
+        result, changes = outcome.value
         worst, growth = _worst(changes), growth_of(changes)
         known = set(self.warned) | (_SHOWN_AT_ONCE if self.how.whole else set())
         warned = tuple(code for code in _accuracy(result) if code not in known)

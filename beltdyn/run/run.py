@@ -12,6 +12,7 @@ import numpy as np
 
 from .. import _core
 from ..base.checks import Array
+from ..base.progress import over_time
 from ..base.run_options import Options
 from ..base.run_warnings import RunWarning, is_error, issue
 from ..base.stopping import stoppable
@@ -30,7 +31,6 @@ from ..result.result import Result
 from ..verification.runs import Reached
 from . import memory, observed
 from .checkpoints import Recorder, Spent
-from .progress import over_time
 from .settling import CHUNK, settle
 from .start_of_run import Start
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from .. import _core
 from ..base.checks import positive
 from ..base.naming import ByPulley
+from ..base.progress import over_time
 from ..base.stopping import stoppable
 from ..drive import compliance
 from ..drive.params import Params
@@ -17,7 +18,6 @@ from ..drive.tensioning import Tensioning
 from ..outputs.state import State, belt_speed
 from ..result.errors import Interrupted, SimulationError, annotate
 from ..result.result import Result
-from .progress import over_time
 
 __all__ = ["CHUNK", "check_initial", "check_params", "positive_or_none", "settle"]
 

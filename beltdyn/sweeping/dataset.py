@@ -10,7 +10,8 @@ import numpy as np
 
 from ..base.checks import Array
 from ..base.optional import optional_module
-from .outcomes import STATUSES, Axis, Layout, Outcome, Quantity, in_text
+from ..many.outcome import STATUSES, Outcome
+from .outcomes import Axis, Layout, Quantity, in_text
 from .points import RUN, Points
 
 __all__ = ["Table", "variables"]
@@ -63,10 +64,10 @@ class Table:
         if outcome.kernels:
             self._kernels.add(outcome.kernels)
         if outcome.status == "finished":
-            rows = self._rows.setdefault(outcome.layout, _Rows())
+            rows = self._rows.setdefault(outcome.value.layout, _Rows())
             rows.runs.append(run)
-            rows.numbers.append(outcome.numbers)
-            rows.words.append(outcome.words)
+            rows.numbers.append(outcome.value.numbers)
+            rows.words.append(outcome.value.words)
 
     def count(self, status: str) -> int:
         """Count the runs of a status."""

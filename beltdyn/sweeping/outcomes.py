@@ -1,4 +1,4 @@
-"""Outcome of a run of a sweep: its numbers and texts in a row, and the layout of the row."""
+"""What is measured in a run of a sweep: numbers and texts in a row, and the layout of the row."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array
+from ..many.outcome import Outcome
 from ..many.store import Kept
 
-__all__ = ["NOTHING", "STATUSES", "Axis", "Layout", "Outcome", "Quantity", "in_text", "packed"]
-
-#: How a run may end, and what that means.
-STATUSES = {
-    "finished": "it ran to its end",
-    "refused": "there is no such drive, load or option",
-    "failed": "the run, or settling for it, ended in an error",
-    "measure": "measuring raised an error, or gave what does not fit that of the other runs",
-    "lost": "a worker process died in it several times",
-    "missing": "it was not computed: the sweep was interrupted",
-}
+__all__ = [
+    "NOTHING",
+    "Axis",
+    "Layout",
+    "Quantity",
+    "Row",
+    "in_text",
+    "of_kept",
+    "packed",
+    "to_kept",
+]
 
 
 class Axis(NamedTuple):
@@ -90,69 +91,49 @@ class Layout:
 NOTHING = Layout(())
 
 
-@attrs.frozen(eq=False, kw_only=True)
-class Outcome:
-    """How a run ended, and its results.
+class Row(NamedTuple):
+    """What is measured in a run.
 
     Attributes:
-        status: One of :data:`STATUSES`.
-        message: Why it did not finish, in one line; "".
-        warnings: Warnings of the run, one in a line.
-        layout: Layout of the row; :data:`NOTHING` unless it finished.
-        numbers: The row.
+        layout: What the numbers and texts are.
+        numbers: Its numbers.
         words: Its texts.
-        kernels: Level of the kernels that computed it.
-        reproducible: Whether it would end so on any machine. What a torque function or a measure
-            raises may be due to this one; what is refused costs nothing to refuse again.
-        final: The state at its end as numbers, if another run starts from it; else empty.
     """
 
-    status: str
-    message: str = ""
-    warnings: str = ""
     layout: Layout = NOTHING
-    numbers: Array = attrs.field(factory=lambda: np.zeros(0))
+    numbers: Array = np.zeros(0)
     words: tuple[str, ...] = ()
-    kernels: str = ""
-    reproducible: bool = True
-    final: Array = attrs.field(factory=lambda: np.zeros(0))
 
-    @property
-    def lasting(self) -> bool:
-        """Whether a store may keep it: it ended by itself, and would do so again."""
-        return self.status in ("finished", "failed") and self.reproducible
 
-    def as_kept(self) -> Kept:
-        """Return it as a store keeps it."""
-        quantities = [
-            [one.name, [list(axis) for axis in one.axes], *one[2:]]
-            for one in self.layout.quantities
-        ]
-        return Kept(
-            text=json.dumps([*(getattr(self, name) for name in _TEXTS), *self.words]),
-            data=self.numbers.tobytes() + self.final.tobytes(),
-            common=json.dumps(quantities),
-        )
+def to_kept(outcome: Outcome) -> Kept:
+    """Return an outcome as a store keeps it."""
+    row = outcome.value or Row()
+    quantities = [
+        [one.name, [list(axis) for axis in one.axes], *one[2:]] for one in row.layout.quantities
+    ]
+    return Kept(
+        text=json.dumps([*(getattr(outcome, name) for name in _TEXTS), *row.words]),
+        data=row.numbers.tobytes() + outcome.final.tobytes(),
+        common=json.dumps(quantities),
+    )
 
-    @classmethod
-    def of_kept(cls, kept: Kept) -> Outcome:
-        """Return what a store has kept."""
-        layout = Layout(
-            tuple(
-                Quantity(
-                    name, tuple(Axis(of, tuple(labels), *more) for of, labels, *more in axes), *rest
-                )
-                for name, axes, *rest in json.loads(kept.common)
+
+def of_kept(kept: Kept) -> Outcome:
+    """Return what a store has kept."""
+    layout = Layout(
+        tuple(
+            Quantity(
+                name, tuple(Axis(of, tuple(labels), *more) for of, labels, *more in axes), *rest
             )
+            for name, axes, *rest in json.loads(kept.common)
         )
-        texts, numbers = json.loads(kept.text), np.frombuffer(kept.data)
-        return cls(
-            layout=layout,
-            numbers=numbers[: layout.numbers],
-            words=tuple(texts[len(_TEXTS) :]),
-            final=numbers[layout.numbers :],
-            **dict(zip(_TEXTS, texts, strict=False)),
-        )
+    )
+    texts, numbers = json.loads(kept.text), np.frombuffer(kept.data)
+    return Outcome(
+        value=Row(layout, numbers[: layout.numbers], tuple(texts[len(_TEXTS) :])),
+        final=numbers[layout.numbers :],
+        **dict(zip(_TEXTS, texts, strict=False)),
+    )
 
 
 _TEXTS = ("status", "message", "warnings", "kernels")
@@ -180,7 +161,7 @@ def _same(value: Any, default: Any) -> bool:
     return value is default or (isinstance(value, (bool, int, float, str)) and value == default)
 
 
-def packed(found: Sequence[tuple[Quantity, Any]]) -> tuple[Layout, Array, tuple[str, ...]]:
+def packed(found: Sequence[tuple[Quantity, Any]]) -> Row:
     """Put the values of quantities into a row."""
     parts: list[Array] = [np.zeros(0)]
     words: list[str] = []
@@ -190,4 +171,4 @@ def packed(found: Sequence[tuple[Quantity, Any]]) -> tuple[Layout, Array, tuple[
         else:
             parts.append(np.ravel(np.asarray(value, dtype=np.float64)))
     layout = Layout(tuple(quantity for quantity, _ in found))
-    return layout, np.concatenate(parts), tuple(words)
+    return Row(layout, np.concatenate(parts), tuple(words))

@@ -5,28 +5,26 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 from .. import _core, scenes
 from ..base.checks import close_to, flag, positive
 from ..base.optional import optional_module
-from ..base.stopping import without_ctrl_c
 from ..drive.parameters import overlap
 from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.motions import as_motions, in_core
 from ..loads.torques import Torque, as_terms
+from ..many.collect import collect
+from ..many.outcome import Outcome
 from ..many.pools import Pool, as_pool
-from ..many.store import Store
-from ..run.progress import counted
 from .content import Contents
 from .dataset import Table
-from .dispatch import Dispatch
 from .identity import NoKeyError, token
 from .measure import Measure, as_measure
 from .names import OPTIONS, find, in_words
-from .outcomes import Outcome, in_text
+from .outcomes import in_text, of_kept, to_kept
 from .points import RUN, Points, as_json, as_points
 from .work import Job
 
@@ -246,46 +244,21 @@ class _Runs:
         self, executor: Any, store: str | os.PathLike[str] | None, keys: list[str], progress: bool
     ) -> Swept:
         """Do all of them."""
-        kept = None if store is None else Store(store)
-        known = {} if kept is None else self._found(kept, keys)
-        count = len(self._points.rows)
-        order = _order(
-            self._job.scene, self._points, [run for run in range(count) if run not in known]
+        cost = collect(
+            self._job,
+            self._points.rows,
+            lambda: self._pool(executor, progress),
+            self._take,
+            after=self._after,
+            order=lambda runs: _order(self._job.scene, self._points, runs),
+            store=store,
+            keys=keys,
+            to_kept=to_kept,
+            of_kept=of_kept,
+            progress=progress,
+            label="sweep",
         )
-        finals = {
-            before: known[before].final
-            for before in (self._after[run] for run in order)
-            if before in known and known[before].final.size
-        }
-        stored = len(known)
-        del known
-        workers, settled = "none", 0
-        with (
-            self._pool(executor, progress) if order else nullcontext() as pool,
-            counted(progress, "sweep") as show,
-        ):
-            show(self.done, count, "")
-            if pool is not None:
-                workers = pool.text
-
-                def take(run: int, outcome: Outcome) -> None:
-                    self._take(run, outcome)
-                    if kept is not None and outcome.lasting:
-                        kept.add(keys[run], outcome.as_kept())
-                    bad = self.done - self._table.count("finished")
-                    show(self.done, count, f"{bad} without result" if bad else "")
-
-                idle = (lambda: None) if kept is None else kept.tend
-                rows = self._points.rows
-                dispatch = Dispatch(pool, self._job, rows, order, self._after, finals, take, idle)
-                try:
-                    dispatch.all()
-                finally:
-                    settled = dispatch.settled
-                    if kept is not None:
-                        with without_ctrl_c():
-                            kept.flush()
-        return Swept(self.dataset(), self._table.counts(), len(order), stored, settled, workers)
+        return Swept(self.dataset(), self._table.counts(), *cost)
 
     def dataset(self) -> Any:
         """Return what there is so far."""
@@ -301,16 +274,11 @@ class _Runs:
             }
         )
 
-    def _take(self, run: int, outcome: Outcome) -> None:
+    def _take(self, run: int, outcome: Outcome) -> str:
         self.done += 1
         self._table.add(run, outcome)
-
-    def _found(self, kept: Store, keys: list[str]) -> dict[int, Outcome]:
-        found = kept.find(keys)
-        known = {run: Outcome.of_kept(found[key]) for run, key in enumerate(keys) if key in found}
-        for run, outcome in known.items():
-            self._take(run, outcome)
-        return known
+        bad = self.done - self._table.count("finished")
+        return f"{bad} without result" if bad else ""
 
     def _pool(self, executor: Any, progress: bool) -> Pool:
         scene = self._job.scene

@@ -1,40 +1,30 @@
-"""The runs of a sweep, one or a batch of them: what a worker does, in a thread or a process."""
+"""A run of a sweep: what a worker does, in a thread or a process."""
 
 from __future__ import annotations
 
-import pickle
-import threading
-import time
 import traceback
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Sequence
-from functools import lru_cache
+from collections.abc import Hashable, Sequence
 from pathlib import Path
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any
 
 import attrs
 import numpy as np
 
 from .. import _core
 from ..base.checks import Array
-from ..base.run_warnings import RunWarning, silenced
+from ..base.run_warnings import silenced
 from ..drive.params import Params
 from ..drive.scene import Scene
+from ..many.outcome import Outcome, attempt, in_line
+from ..many.shared import Shared
 from ..outputs.state import State
-from ..result.errors import SimulationError
 from ..result.result import Result
 from ..run.simulation import settle, simulate, speeds_at_start
 from .identity import NoKeyError, token
 from .measure import Measure
 from .names import changed, find
-from .outcomes import Outcome
 
-__all__ = ["Batch", "Job", "Work", "run_batch"]
-
-_Key = TypeVar("_Key", bound=Hashable)
-_Value = TypeVar("_Value")
-#: Drives, and states that they settle into, that a worker keeps for runs to come.
-_KEPT = 16
+__all__ = ["Job", "Work"]
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -55,58 +45,9 @@ class Job:
     measure: Measure
     chained: bool = False
 
-
-class Batch(NamedTuple):
-    """What a worker gives back.
-
-    Attributes:
-        outcomes: Outcomes of its runs, in their order; fewer if it was interrupted.
-        seconds: Wall time of each of them [s].
-        settled: States it settled, which later runs may share.
-        interrupted: Whether it was.
-    """
-
-    outcomes: list[Outcome]
-    seconds: list[float]
-    settled: int
-    interrupted: bool
-
-
-class _Shared(Generic[_Key, _Value]):
-    """Values by key, each made once, the last ones kept; a thread waits for what another makes.
-
-    What cannot be made is not tried again either.
-    """
-
-    def __init__(self, make: Callable[[_Key, Any], _Value]) -> None:
-        self._make = make
-        self._lock = threading.Lock()
-        self._found: OrderedDict[_Key, tuple[threading.Lock, list[_Value | Exception]]]
-        self._found = OrderedDict()
-        self._mine = threading.local()
-
-    @property
-    def made(self) -> int:
-        """How many this thread has made or tried to."""
-        return getattr(self._mine, "made", 0)
-
-    def get(self, key: _Key, of: Any) -> _Value:
-        with self._lock:
-            one, held = self._found.setdefault(key, (threading.Lock(), []))
-            self._found.move_to_end(key)
-            while len(self._found) > _KEPT:
-                self._found.popitem(last=False)
-        with one:
-            if not held:
-                self._mine.made = self.made + 1
-                try:
-                    held.append(self._make(key, of))
-                except Exception as error:
-                    held.append(error)
-            found = held[0]
-        if isinstance(found, Exception):
-            raise found.with_traceback(None)
-        return found
+    def work(self) -> Work:
+        """Return what does the runs."""
+        return Work(self)
 
 
 class Work:
@@ -116,8 +57,8 @@ class Work:
         self.job = job
         roots = [find(job.scene, name).root for name in job.names]
         self._of_drive = [k for k, root in enumerate(roots) if root == "params"]
-        self._drives: _Shared[tuple[Any, ...], Params] = _Shared(self._drive)
-        self._states: _Shared[tuple[Any, ...], State] = _Shared(self._settled)
+        self._drives: Shared[tuple[Any, ...], Params] = Shared(self._drive)
+        self._states: Shared[tuple[Any, ...], State] = Shared(self._settled)
 
     @property
     def settled(self) -> int:
@@ -134,41 +75,28 @@ class Work:
         Raises:
             KeyboardInterrupt: It was interrupted.
         """
-        kernels = _core.kernel_level()
-        try:
-            drive, scene, options = self._scene(values)
-        except (TypeError, ValueError) as error:
-            return Outcome(
-                status="refused", message=_line(error), kernels=kernels, reproducible=False
-            )
-        try:
-            result = self._simulate(values, drive, scene, options, before)
-        except (SimulationError, ValueError, TypeError) as error:
-            return _failed(error, scene, kernels)
-        except Exception as error:  # whatever a torque function raises
-            return _failed(error, scene, kernels, f"{type(error).__name__}: ")
+        prepared = attempt(lambda: self._scene(values))
+        if prepared.status != "finished":
+            return prepared
+        drive, scene, options = prepared.value
+        ran = attempt(lambda: self._simulate(values, drive, scene, options, before))
+        if ran.status != "finished":
+            return ran
+        result: Result = ran.value
         lines = "\n".join(map(str, result.warnings))
         final = _numbers_of(result.final_state) if self.job.chained else np.zeros(0)
         try:
-            layout, row, words = self.job.measure.of(result)
+            value = self.job.measure.of(result)
         except Exception as error:
             return Outcome(
                 status="measure",
-                message=f"{type(error).__name__}: {_line(error)}{_where(error)}",
+                message=f"{type(error).__name__}: {in_line(error)}{_where(error)}",
                 reproducible=False,
                 warnings=lines,
-                kernels=kernels,
+                kernels=ran.kernels,
                 final=final,
             )
-        return Outcome(
-            status="finished",
-            warnings=lines,
-            layout=layout,
-            numbers=row,
-            words=words,
-            kernels=kernels,
-            final=final,
-        )
+        return attrs.evolve(ran, warnings=lines, value=value, final=final)
 
     def _scene(self, values: Sequence[Any]) -> tuple[tuple[Any, ...], Scene, dict[str, Any]]:
         """Return the scene of a run; drives with the same numbers are the same object."""
@@ -237,22 +165,6 @@ def _where(error: BaseException) -> str:
     return f" (line {last.lineno} of {last.name}, {Path(last.filename).name})"
 
 
-def _line(error: BaseException) -> str:
-    return " ".join(str(error).split())
-
-
-def _failed(error: Exception, scene: Scene, kernels: str, prefix: str = "") -> Outcome:
-    known: tuple[RunWarning, ...] = getattr(getattr(error, "result", None), "warnings", ())
-    status = "failed" if prefix or isinstance(error, SimulationError) else "refused"
-    return Outcome(
-        status=status,
-        message=prefix + _line(error),
-        reproducible=isinstance(error, SimulationError),
-        warnings="\n".join(map(str, known)),
-        kernels=kernels,
-    )
-
-
 # --- Final states, from which other runs start ---------------------------------------------------
 
 
@@ -275,31 +187,3 @@ def _state_of(row: Array) -> State:
         found[name] = values.reshape(rows, columns) if rows > 1 else values
         at += 2 + rows * columns
     return State(t=0.0, **found)
-
-
-# --- Batches --------------------------------------------------------------------------------------
-
-
-@lru_cache(maxsize=2)
-def _work_of(job: bytes) -> Work:
-    return Work(pickle.loads(job))
-
-
-def run_batch(
-    work: Work | bytes, runs: Sequence[tuple[Sequence[Any], Array | None]] | bytes
-) -> Batch:
-    """Do several runs, one after the other; as bytes if they come from another process."""
-    if isinstance(work, bytes):
-        work = _work_of(work)
-    listed = pickle.loads(runs) if isinstance(runs, bytes) else runs
-    outcomes: list[Outcome] = []
-    seconds: list[float] = []
-    before = work.settled
-    for values, start in listed:
-        begun = time.perf_counter()
-        try:
-            outcomes.append(work.run(values, start))
-        except KeyboardInterrupt:
-            return Batch(outcomes, seconds, work.settled - before, True)
-        seconds.append(time.perf_counter() - begun)
-    return Batch(outcomes, seconds, work.settled - before, False)

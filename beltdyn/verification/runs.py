@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.scene import Scene
+from ..many.shared import Shared
 from ..outputs.accuracy_report import Accuracy
 from ..outputs.state import State
 from ..result.result import Result
@@ -103,10 +103,8 @@ class Runs:
         self.settling: dict[int, float] = {}
         self._simulate, self._settle = simulate, settle
         self._last, self._options = last, options or {}
-        self._rest: dict[int, State] = {}
+        self._rest: Shared[int, State] = Shared(self._settled)
         self._initial, self._clock = initial, clock
-        self._lock = threading.Lock()
-        self._locks: dict[int, threading.Lock] = {}
 
     def __call__(self, setting: Setting) -> Done:
         """Simulate at a setting; no warnings are issued.
@@ -138,11 +136,10 @@ class Runs:
             return self._initial
         if self.scene.motion:  # which may begin at speed
             return None
-        with self._lock:
-            lock = self._locks.setdefault(n_bodies, threading.Lock())
-        with lock:
-            if n_bodies not in self._rest:
-                begun = self._clock()
-                self._rest[n_bodies] = self._settle(with_links(self.scene.params, n_bodies))
-                self.settling[n_bodies] = self._clock() - begun
-            return self._rest[n_bodies]
+        return self._rest.get(n_bodies)
+
+    def _settled(self, n_bodies: int, _of: None) -> State:
+        begun = self._clock()
+        state = self._settle(with_links(self.scene.params, n_bodies))
+        self.settling[n_bodies] = self._clock() - begun
+        return state

@@ -1,21 +1,23 @@
-"""Dispatch of the runs of a sweep, in batches, to workers that may die."""
+"""Dispatch of many runs, in batches, to workers that may die; what such a worker does."""
 
 from __future__ import annotations
 
 import math
+import pickle
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import suppress
-from typing import Any
+from functools import lru_cache
+from typing import Any, NamedTuple, Protocol
 
 from ..base.checks import Array
 from ..base.stopping import without_ctrl_c
-from ..many.pools import Pool, as_bytes
-from .outcomes import Outcome
-from .work import Batch, Job, Work, run_batch
+from .outcome import Outcome
+from .pools import Pool, as_bytes
 
-__all__ = ["ATTEMPTS", "Dispatch"]
+__all__ = ["ATTEMPTS", "Dispatch", "Job", "Work"]
 
 #: How often workers may die in a run before it is given up; the last time it is on its way alone.
 ATTEMPTS = 3
@@ -27,8 +29,42 @@ _LAST = 0.3
 _LOOK = 1.0
 
 
+class Work(Protocol):
+    """What does runs; several threads may share it."""
+
+    @property
+    def settled(self) -> int:
+        """How many states this thread has settled so far."""
+
+    def run(self, row: Any, before: Array | None = None) -> Outcome:
+        """Do a run; ``before`` is the final state, as numbers, that it starts from."""
+
+
+class Job(Protocol):
+    """What many runs have in common; it can be sent to other processes."""
+
+    def work(self) -> Work:
+        """Return what does the runs."""
+
+
+class Batch(NamedTuple):
+    """What a worker gives back.
+
+    Attributes:
+        outcomes: Outcomes of its runs, in their order; fewer if it was interrupted.
+        seconds: Wall time of each of them [s].
+        settled: States it settled, which later runs may share.
+        interrupted: Whether it was.
+    """
+
+    outcomes: list[Outcome]
+    seconds: list[float]
+    settled: int
+    interrupted: bool
+
+
 class Dispatch:
-    """Dispatch of the runs of a sweep to its workers.
+    """Dispatch of runs to workers.
 
     Args:
         pool: The workers.
@@ -54,7 +90,7 @@ class Dispatch:
     ) -> None:
         self._pool, self._rows, self._after = pool, rows, after
         self._done, self._idle = done, idle
-        self._work: Work | bytes = as_bytes(job) if pool.remote else Work(job)
+        self._work: Work | bytes = as_bytes(job) if pool.remote else job.work()
         self._followers: dict[int, list[int]] = {}
         todo = set(order)
         self._ready: deque[int] = deque()
@@ -211,3 +247,27 @@ class Dispatch:
                     with suppress(Exception):
                         self._take(batch, future.result())
             self._flying.clear()
+
+
+@lru_cache(maxsize=2)
+def _work_of(job: bytes) -> Work:
+    job_of: Job = pickle.loads(job)
+    return job_of.work()
+
+
+def run_batch(work: Work | bytes, runs: Sequence[tuple[Any, Array | None]] | bytes) -> Batch:
+    """Do several runs, one after the other; as bytes if they come from another process."""
+    if isinstance(work, bytes):
+        work = _work_of(work)
+    listed = pickle.loads(runs) if isinstance(runs, bytes) else runs
+    outcomes: list[Outcome] = []
+    seconds: list[float] = []
+    before = work.settled
+    for values, start in listed:
+        begun = time.perf_counter()
+        try:
+            outcomes.append(work.run(values, start))
+        except KeyboardInterrupt:
+            return Batch(outcomes, seconds, work.settled - before, True)
+        seconds.append(time.perf_counter() - begun)
+    return Batch(outcomes, seconds, work.settled - before, False)

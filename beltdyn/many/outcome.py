@@ -1,0 +1,88 @@
+"""Outcome of a run: how it ended, and what is kept of it; an error is an outcome, too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import attrs
+import numpy as np
+
+from .. import _core
+from ..base.checks import Array
+from ..base.run_warnings import RunWarning
+from ..result.errors import SimulationError
+
+__all__ = ["STATUSES", "Outcome", "attempt", "in_line"]
+
+#: How a run may end, and what that means.
+STATUSES = {
+    "finished": "it ran to its end",
+    "refused": "there is no such drive, load or option",
+    "failed": "the run, or settling for it, ended in an error",
+    "measure": "measuring raised an error, or gave what does not fit that of the other runs",
+    "lost": "a worker process died in it several times",
+    "missing": "it was not computed: the sweep was interrupted",
+}
+
+
+@attrs.frozen(eq=False, kw_only=True)
+class Outcome:
+    """How a run ended, and its results.
+
+    Attributes:
+        status: One of :data:`STATUSES`.
+        message: Why it did not finish, in one line; "".
+        warnings: Warnings of the run, one in a line.
+        value: What the run gave; None unless it finished.
+        kernels: Level of the kernels that computed it.
+        reproducible: Whether it would end so on any machine. What a torque function or a measure
+            raises may be due to this one; what is refused costs nothing to refuse again.
+        final: The state at its end as numbers, if another run starts from it; else empty.
+    """
+
+    status: str
+    message: str = ""
+    warnings: str = ""
+    value: Any = None
+    kernels: str = ""
+    reproducible: bool = True
+    final: Array = attrs.field(factory=lambda: np.zeros(0))
+
+    @property
+    def lasting(self) -> bool:
+        """Whether a store may keep it: it ended by itself, and would do so again."""
+        return self.status in ("finished", "failed") and self.reproducible
+
+
+def attempt(
+    run: Callable[[], Any], known: type[Exception] | tuple[type[Exception], ...] = Exception
+) -> Outcome:
+    """Return what a run gives, or how it ended in an error; Ctrl-C and unknown errors are raised.
+
+    Args:
+        run: The run.
+        known: Errors that are outcomes.
+    """
+    kernels = _core.kernel_level()
+    try:
+        return Outcome(status="finished", value=run(), kernels=kernels)
+    except known as error:
+        of_drive = isinstance(error, SimulationError)
+        refused = isinstance(error, (TypeError, ValueError))
+        known_before: tuple[RunWarning, ...] = getattr(
+            getattr(error, "result", None), "warnings", ()
+        )
+        name = "" if of_drive or refused else f"{type(error).__name__}: "
+        return Outcome(
+            status="refused" if refused else "failed",
+            message=name + in_line(error),
+            warnings="\n".join(map(str, known_before)),
+            kernels=kernels,
+            reproducible=of_drive,
+        )
+
+
+def in_line(error: BaseException) -> str:
+    """Return the message of an error in one line."""
+    return " ".join(str(error).split())

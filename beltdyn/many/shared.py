@@ -1,0 +1,53 @@
+"""What several runs share, as drives and the states that these settle into: each is made once."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import Any, Generic, TypeVar
+
+__all__ = ["Shared"]
+
+_Key = TypeVar("_Key", bound=Hashable)
+_Value = TypeVar("_Value")
+#: How many are kept for runs to come.
+_KEPT = 16
+
+
+class Shared(Generic[_Key, _Value]):
+    """Values by key, each made once, the last ones kept; a thread waits for what another makes.
+
+    What cannot be made is not tried again either.
+    """
+
+    def __init__(self, make: Callable[[_Key, Any], _Value]) -> None:
+        self._make = make
+        self._lock = threading.Lock()
+        self._found: OrderedDict[_Key, tuple[threading.Lock, list[_Value | Exception]]]
+        self._found = OrderedDict()
+        self._mine = threading.local()
+
+    @property
+    def made(self) -> int:
+        """How many this thread has made or tried to."""
+        return getattr(self._mine, "made", 0)
+
+    def get(self, key: _Key, of: Any = None) -> _Value:
+        """Return the value of a key, made of ``of`` if it is not there."""
+        with self._lock:
+            one, held = self._found.setdefault(key, (threading.Lock(), []))
+            self._found.move_to_end(key)
+            while len(self._found) > _KEPT:
+                self._found.popitem(last=False)
+        with one:
+            if not held:
+                self._mine.made = self.made + 1
+                try:
+                    held.append(self._make(key, of))
+                except Exception as error:
+                    held.append(error)
+            found = held[0]
+        if isinstance(found, Exception):
+            raise found.with_traceback(None)
+        return found
