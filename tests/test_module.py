@@ -273,3 +273,40 @@ def test_model_layouts(model, rest, layout):
     other = make_model(**{name: strange_layouts(SCENE[name])[layout] for name in names})
     assert other.info == model.info
     assert same_bits(other.rate(rest, [1, 2]), model.rate(rest, [1, 2]))
+
+
+def test_depth_is_the_root_of_its_equation(model):
+    """c1 p^2 + c2 p = (T lambda - rho v^2) / R, to rounding; 0 where nothing presses."""
+    (_, _, rho, stiffness, *_), (c1, c2, *_) = SCENE["belt"], SCENE["contact"]
+    radius, tension, speed = (np.array([a, [0.1, 0.2]]) for a in ([0.1, 0.3], [9.0, 8e3], [5, 0.0]))
+    tension[1], speed[1] = [300.0, 400.0], [9.0, 90.0]
+    pressed = (tension * (1.0 + tension / stiffness) - rho * speed**2) / radius
+    depth = model.depth(radius, tension, speed)
+    assert depth[1, 1] == 0.0 and pressed[1, 1] < 0.0
+    np.testing.assert_allclose(c1 * depth**2 + c2 * depth, np.maximum(pressed, 0.0), rtol=1e-14)
+    with refused(V, "tension must have shape (2, 2), got (2,)"):
+        model.depth(radius, tension[0], speed)
+    with refused(V, "speed[0, 1] must be finite, got inf"):
+        model.depth(radius, tension, [[0.0, INF], [0.0, 0.0]])
+
+
+def test_torques_and_prescribed_speeds_at_a_time(model):
+    """Of a pulley that is prescribed none; an angle is differentiated towards later times alone."""
+    seen = []
+
+    def angle(t):
+        seen.append(t)
+        return 3.0 * t + 0.5 * t * t
+
+    terms = [("viscous", [1.0, 2.0]), ("piecewise", [0.0, 2.0], [[0.0, 0.0], [4.0, 0.0]])]
+    torque, omega = model.torques(terms, [(1, "angle", angle)], 1.0, 1.0 + 6e-6, [0, 0], [5, 7])
+    assert torque.tolist() == [2.0 - 5.0, 0.0]
+    # differences over 1 us of an angle of 3 keep 1e-9 of a speed of 4
+    assert omega[0] == 5.0 and omega[1] == pytest.approx(4.0, rel=1e-8)
+    assert min(seen) == 1.0 and max(seen) <= 1.0 + 6e-6
+    torque, omega = model.torques(terms, (), 0.0, 0.0, [0, 0], [5, 7])
+    assert torque.tolist() == [-5.0, -14.0] and omega.tolist() == [5.0, 7.0]
+    with refused(V, "omega must have shape (2,), got (1,)"):
+        model.torques(terms, (), 0.0, 0.0, [0, 0], [5])
+    with pytest.raises(ZeroDivisionError):
+        model.torques([("call", lambda t, theta, omega: 1 / 0)], (), 0.0, 0.0, [0, 0], [5, 7])

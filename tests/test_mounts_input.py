@@ -119,3 +119,19 @@ def test_a_path_says_where_its_spline_goes_beyond_its_points() -> None:
         assert (found is not None) is far
         if found:
             assert float(found[1]) == pytest.approx(1e3 * beyond, rel=0.1)  # at 8 places a piece
+
+
+def test_forces_of_springs_weights_and_stops() -> None:
+    """By their formulas, at travels between stops and beyond; of a path none."""
+    slider = bd.Slider(
+        direction=(1.0, 0.0), mass=1.0, weight=24.0, stiffness=2e3, preload=30.0,
+        stops=(-0.01, 0.02), stop_stiffness=1e6,
+    )  # fmt: skip
+    model = model_with(slider)
+    for travel, stop in ((0.005, 0.0), (-0.012, 2e3), (0.021, -1e3)):
+        force = 30.0 + 9.80665 * 24.0 - 2e3 * travel + stop
+        assert model.mount_forces([travel]) == pytest.approx([force], rel=1e-12)
+    path = bd.Path(t=(0.0, 0.1), displacement=((0.0, 0.0), (1e-3, 0.0)))
+    assert model_with(path).mount_forces([0.05]).tolist() == [0.0]
+    with pytest.raises(ValueError, match=r"travel must have shape \(1,\), got \(2,\)"):
+        model.mount_forces([0.0, 0.0])

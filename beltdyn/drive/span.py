@@ -1,7 +1,7 @@
-"""Belt under a tension that runs: what a span knows of itself, and a place on a wrap.
+"""Belt under a tension that runs: a span, or a place on a wrap; numbers or arrays alike.
 
-Numbers or arrays alike. By stress-free lengths: of rho A dm pass c dt in dt, so that the belt runs
-with v = c lambda and a metre of it in place has the mass rho A / lambda (MODEL sections 2, 6).
+Lengths are stress-free: c dt of belt passes in dt, of the mass rho A c dt, and runs with the speed
+c lambda (MODEL section 2).
 """
 
 from __future__ import annotations
@@ -18,13 +18,7 @@ __all__ = ["Span"]
 
 @attrs.frozen(eq=False)
 class Span:
-    """Belt under a tension, a number or an array.
-
-    Attributes:
-        belt: The belt.
-        tension: T [N].
-        flow: Stress-free length that passes in a second, c [m/s].
-    """
+    """The tension T [N] of a belt, of which the length c passes in a second [m/s]."""
 
     belt: Belt
     tension: Any
@@ -32,7 +26,7 @@ class Span:
 
     @classmethod
     def of_pull(cls, belt: Belt, pull: Any, flow: Any) -> Span:
-        """Return the span whose tension less the centrifugal one is ``pull`` [N]."""
+        """Return the span that has this :attr:`pull` [N]."""
         mass = belt.linear_density * flow**2
         return cls(belt, (pull + mass) / (1.0 - mass / belt.axial_stiffness), flow)
 
@@ -48,18 +42,18 @@ class Span:
 
     @property
     def centrifugal(self) -> Any:
-        """Tension that turns the momentum of the belt, rho A c^2 lambda [N]."""
+        """Tension that turns the belt's momentum, rho A c^2 lambda [N]."""
         return self.belt.linear_density * self.flow**2 * self.stretch
 
     @property
     def pull(self) -> Any:
-        """Tension less the centrifugal one: what presses on pulleys and is handed on [N]."""
+        """Tension less the centrifugal one, which presses on pulleys and friction changes [N]."""
         return self.tension - self.centrifugal
 
     def string_frequency(self, length: float) -> float:
-        """Return the first frequency of the span as a string that moves along itself [Hz].
+        """Return the first frequency of a moving string, (w^2 - v^2) / (2 l w) [Hz].
 
-        (w^2 - v^2) / (2 l w), w the speed of its waves; 0 from that speed on.
+        w is the speed of its waves; 0 from that speed on.
         """
         wave = float(np.sqrt(self.tension / (self.belt.linear_density / self.stretch)))
         return max(0.0, float((wave**2 - self.speed**2) / (2.0 * length * wave)))

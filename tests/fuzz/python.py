@@ -393,6 +393,8 @@ def binding() -> Callable[[bytes], None]:
                 return
             call(given, made.check_geometry, [])
             call(given, made.centers, [made.rest])
+            call(given, made.mount_forces, [made.rest])
+            call(given, made.depth, [[0.1], [300.0], [10.0]])
             call(given, made.rate, {"state": rest, "torque": [0.0, 0.0]})
             call(given, made.set_going, {"state": rest, "speed": 1.0})
             call(given, made.observe, [rest])
