@@ -13,7 +13,7 @@ from ..base.checks import Array, close_to, share_of_run
 from ..drive.params import Params
 from ..outputs.histories import Stats, absent_groups
 from ..outputs.quantity import QUANTITIES, dimensions
-from ..outputs.quantity import Quantity as Row
+from ..outputs.quantity import Quantity as RunQuantity
 from ..report import flat, make_report
 from ..report.window import Window
 from ..result.labelled import places, unit_in
@@ -256,7 +256,7 @@ class _Report:
 #: Histories by name.
 _HISTORIES = {
     **QUANTITIES,
-    "slip": Row("slip", "PULLEYS", "1", "speed lost against pulley 0", "speed lost"),
+    "slip": RunQuantity("slip", "PULLEYS", "1", "speed lost against pulley 0", "speed lost"),
 }
 
 
