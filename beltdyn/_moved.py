@@ -17,7 +17,7 @@ _KEPT_NAMES = {
         "balance cells compliance couplings mounts parameters params parts preload route "
         "rules sanity scene tensioning toml"
     ),
-    "base": ("checks described files naming npz optional progress rounding run_warnings stopping"),
+    "base": "checks described files naming npz optional progress rounding run_warnings stopping",
     "run": "checkpoints memory observed resuming settling simulation start_of_run",
     "result": "errors exported labelled saved",
     "loads": "motions torques",

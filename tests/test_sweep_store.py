@@ -27,7 +27,7 @@ from beltdyn.many import store
 from beltdyn.many.outcome import Outcome
 from beltdyn.many.store import Kept, Store
 from beltdyn.sweeping import SweepInterrupted, content
-from beltdyn.sweeping.outcomes import Axis, Layout, Quantity, Row, of_kept, to_kept
+from beltdyn.sweeping.outcomes import Axis, Layout, Measured, Quantity, of_kept, to_kept
 
 N = 60
 
@@ -308,7 +308,7 @@ def test_a_changed_bit_is_found(tmp_path: Path) -> None:
         f"key {k}": Outcome(
             status="finished",
             message="as it ended",
-            value=Row(layout, np.array([0.1, k + 0.2])),
+            value=Measured(layout, np.array([0.1, k + 0.2])),
             final=np.arange(3.0) + 0.3,
         )
         for k in range(3)

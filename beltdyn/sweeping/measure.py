@@ -18,7 +18,7 @@ from ..report import flat, make_report
 from ..report.window import Window
 from ..result.labelled import places, unit_in
 from ..result.result import Result
-from .outcomes import Axis, Quantity, Row, packed
+from .outcomes import Axis, Measured, Quantity, packed
 
 __all__ = ["DEFAULT", "Measure", "as_measure"]
 
@@ -82,7 +82,7 @@ class Measure:
         """Names of the quantities, as far as they are known before a run."""
         return {called for called, _ in (*self.named, *self.functions)}
 
-    def of(self, result: Result) -> Row:
+    def of(self, result: Result) -> Measured:
         """Measure a run: a row and its layout.
 
         Raises:

@@ -19,8 +19,8 @@ __all__ = [
     "NOTHING",
     "Axis",
     "Layout",
+    "Measured",
     "Quantity",
-    "Row",
     "in_text",
     "of_kept",
     "packed",
@@ -91,7 +91,7 @@ class Layout:
 NOTHING = Layout(())
 
 
-class Row(NamedTuple):
+class Measured(NamedTuple):
     """What is measured in a run.
 
     Attributes:
@@ -107,7 +107,7 @@ class Row(NamedTuple):
 
 def to_kept(outcome: Outcome) -> Kept:
     """Return an outcome as a store keeps it."""
-    row = outcome.value or Row()
+    row = outcome.value or Measured()
     quantities = [
         [one.name, [list(axis) for axis in one.axes], *one[2:]] for one in row.layout.quantities
     ]
@@ -130,7 +130,7 @@ def of_kept(kept: Kept) -> Outcome:
     )
     texts, numbers = json.loads(kept.text), np.frombuffer(kept.data)
     return Outcome(
-        value=Row(layout, numbers[: layout.numbers], tuple(texts[len(_TEXTS) :])),
+        value=Measured(layout, numbers[: layout.numbers], tuple(texts[len(_TEXTS) :])),
         final=numbers[layout.numbers :],
         **dict(zip(_TEXTS, texts, strict=False)),
     )
@@ -161,7 +161,7 @@ def _same(value: Any, default: Any) -> bool:
     return value is default or (isinstance(value, (bool, int, float, str)) and value == default)
 
 
-def packed(found: Sequence[tuple[Quantity, Any]]) -> Row:
+def packed(found: Sequence[tuple[Quantity, Any]]) -> Measured:
     """Put the values of quantities into a row."""
     parts: list[Array] = [np.zeros(0)]
     words: list[str] = []
@@ -171,4 +171,4 @@ def packed(found: Sequence[tuple[Quantity, Any]]) -> Row:
         else:
             parts.append(np.ravel(np.asarray(value, dtype=np.float64)))
     layout = Layout(tuple(quantity for quantity, _ in found))
-    return Row(layout, np.concatenate(parts), tuple(words))
+    return Measured(layout, np.concatenate(parts), tuple(words))

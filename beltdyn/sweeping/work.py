@@ -75,7 +75,7 @@ class Work:
         Raises:
             KeyboardInterrupt: It was interrupted.
         """
-        prepared = attempt(lambda: self._scene(values))
+        prepared = attempt(lambda: self._scene(values), (TypeError, ValueError))
         if prepared.status != "finished":
             return prepared
         drive, scene, options = prepared.value
