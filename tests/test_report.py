@@ -207,6 +207,16 @@ def test_plain_numbers_and_a_table_of_pandas(monkeypatch: pytest.MonkeyPatch) ->
         report().to_frame()
 
 
+def test_of_pulleys_that_slip_together_the_first_is_named() -> None:
+    """As both of two do: which margin is less is rounding; without one no pulley is."""
+    told = report()
+    for shares, first in (((1.0, 1.0 - 1e-12), 0), ((1.0, 0.999), 1), ((math.inf, math.inf), None)):
+        pairs = zip(told.pulleys, shares, strict=False)
+        rows = [attrs.evolve(one, margin=2.0 * x, least_margin=None) for one, x in pairs]
+        found = attrs.evolve(told, pulleys=type(told.pulleys)(rows)).first_to_slip
+        assert found is (None if first is None else rows[first])
+
+
 def test_what_a_print_says_of_the_belt_and_its_cycles() -> None:
     """The crank turns counter-clockwise, the belt is laid clockwise: its speed is negative."""
     told, words = report(), " ".join(report().text(full=True).split())

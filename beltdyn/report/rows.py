@@ -27,6 +27,9 @@ __all__ = [
 #: Name of the power that the energy ledger lacks: its error.
 RESIDUAL = "not accounted for (residual)"
 
+#: Margins that differ by less, to which they are found, are one: on two pulleys they always are.
+TOGETHER = 1e-6
+
 _Row = TypeVar("_Row")
 
 
@@ -376,6 +379,10 @@ class ReportData:
 
     @property
     def first_to_slip(self) -> PulleyRow | None:
-        """The pulley with the least margin, of means or instants; None if none slips."""
+        """The pulley with the least margin, of means or instants; None if none slips.
+
+        Of several that slip together the first.
+        """
         finite = [row for row in self.pulleys if math.isfinite(row.least)]
-        return min(finite, key=lambda row: row.least, default=None)
+        together = min((row.least for row in finite), default=math.inf) * (1.0 + TOGETHER)
+        return next((row for row in finite if row.least <= together), None)
