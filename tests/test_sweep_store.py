@@ -177,7 +177,9 @@ def test_ctrl_c_and_a_kill(executor: str, tmp_path: Path, expected: Any) -> None
         check_resumed(tmp_path / "other", expected)
 
 
-def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_an_extended_sweep_finds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     both = {"torque.scale": [0.5, 1.0]}
 
     def counts(scene: Any = None, over: Any = both, measure: Any = MEASURE, **more: Any) -> Any:
@@ -188,6 +190,8 @@ def test_what_an_extended_sweep_finds(tmp_path: Path, monkeypatch: pytest.Monkey
         return swept.stored, swept.computed
 
     assert (counts(), counts()) == ((0, 2), (2, 0))
+    assert counts(progress=True) == (2, 0)
+    assert "sweep: 2 of 2 runs found in the store" in capsys.readouterr().err
     # more values of one name, in another order
     assert counts(over={"torque.scale": [1.0, 0.75, 0.5]}) == (2, 1)
     # one more name, of which one value is that of the scene: of the drive, of the options

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -85,6 +86,8 @@ def collect(
     }
     stored = done = len(known)
     del known
+    if progress and stored:
+        print(f"{label}: {stored} of {len(rows)} runs found in the store", file=sys.stderr)
     if not todo:
         return Cost(0, stored, 0, "none")
     with pool() as workers, counted(progress, label) as show:

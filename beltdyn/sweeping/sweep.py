@@ -129,8 +129,9 @@ def sweep(
             killed, or that has got more points, computes only what is missing in it. Runs are known
             by their content and the build of this package, not by the sweep they are from; Python
             functions by their code, what it encloses, and that of yours which they use. Not seen:
-            the contents of files that they read, modules of yours that they import when they are
-            called, compiled functions: give a ``key``. Files have checksums.
+            the contents of files that they read; give another ``key`` then. Compiled functions, and
+            those that import modules of yours when they are called, are refused without a ``key``.
+            Files have checksums.
         warm: A name that is swept, in a grid: each run starts from the end of the run with the
             value of this name before, at t = 0, and not from rest (unless that one failed). For
             steady states that change slowly along it.
