@@ -177,6 +177,11 @@ SLOTS = "class G:\n  __slots__ = ('k',)\n  def __call__(self, t): return self.k\
 ATTRS = (
     "import attrs\n@attrs.frozen\nclass G:\n  k: int\n  def __call__(self, t): return {}\nf = G({})"
 )
+WRAPS = (
+    "import functools\ndef g(t): return t\nclass G:\n"
+    "  def __init__(self, k):\n    self.k = k\n    functools.update_wrapper(self, g)\n"
+    "  def __call__(self, t): return self.k * g(t)\nf = G({})"
+)
 #: Texts of which no two do the same, with what stands at their {}.
 DIFFERENT = [
     ("def f(t): return {} * t", "1.0", "2.0"),
@@ -201,6 +206,10 @@ DIFFERENT = [
     ("import numpy as np\nf = np.{}", "sin", "cos"),
     ("import numpy as np\nK = np.array({})\nf = lambda t: K * t", "[1., 2.]", "[1., 3.]", "[1, 2]"),
     ("def f(t): return f(t - 1) if t > 0 else {}", "1", "2"),
+    ("def f(t): return f.k\nf.k = {}", "1", "2"),
+    (WRAPS, "1", "2"),
+    ("import numpy as np\nK = np.ma.array([1., 2.], mask={})\nf = lambda t: K", "[0, 0]", "[1, 1]"),
+    ("import numpy as np\nK = np.zeros(2, {})\nf = lambda t: K", "'i4,i4'", "[('a', '<i4')]"),
 ]  # fmt: skip
 
 
@@ -268,6 +277,14 @@ def test_what_imports_modules_when_it_is_called_needs_a_key(
         "import mine\ndef f(t): return mine.g(t)",
     ):
         assert token(of_code(text)) == token(of_code(text), "a"), text
+    for text in (  # modules that are handed on
+        "import mine\ndef f(t, m=mine): return m.g(t)",
+        "import mine\ndef h(m): return m.g(1)\ndef f(t): return h(mine)",
+        "import mine\ndef h(m): return lambda t: m.g(t)\nf = h(mine)",
+        "import numpy as np\nf = np.frompyfunc(lambda t: 1.0, 1, 1)",
+    ):
+        with pytest.raises(NoKeyError, match="cannot be known"):
+            token(of_code(text))
     monkeypatch.delitem(sys.modules, "mine")
     scene = sweep_runs.plain()._replace(torque_fn=sweep_runs.compiled)
     given: dict[str, Any] = {"store": tmp_path / "store", "executor": "threads"}

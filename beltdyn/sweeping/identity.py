@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from importlib.util import find_spec
 from opcode import opmap
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,12 +95,17 @@ class _Walk:
         if isinstance(value, types.CodeType):
             return self._code(value)
         if isinstance(value, types.ModuleType):
+            if _is_users(value.__name__):
+                raise NoKeyError(
+                    f"what is used of the module {value.__name__}, which is handed on, cannot be "
+                    "known: hand on what is used of it"
+                )
             return f"module {_origin(value.__name__)}"
-        if isinstance(value, np.ndarray):
+        if type(value) is np.ndarray:  # others, as masked arrays, are objects with a state
             if value.dtype.hasobject:
                 return f"objects {value.shape} {self._all(value.ravel().tolist())}"
             data = hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
-            return f"array {value.dtype.str} {value.shape} {data}"
+            return f"array {value.dtype!r} {value.dtype.str} {value.shape} {data}"
         if type(value) in (list, tuple):
             return f"{type(value).__name__} {self._all(value)}"
         if type(value) in (set, frozenset):  # their order changes from process to process
@@ -111,6 +117,11 @@ class _Walk:
             return self._function(value)
         if isinstance(value, types.MethodType):
             return f"method {self._all([value.__func__, value.__self__])}"
+        if isinstance(value, np.ufunc) and not any(
+            getattr(sys.modules.get(module), value.__name__, None) is value
+            for module in ("numpy", "scipy.special")
+        ):
+            raise NoKeyError(f"what {value!r:.60} does cannot be known from outside")
         if isinstance(value, (types.BuiltinFunctionType, np.ufunc)):
             owner = getattr(value, "__self__", None)
             own = "" if owner is None or isinstance(owner, types.ModuleType) else self.text(owner)
@@ -118,9 +129,10 @@ class _Walk:
             return f"built-in {_origin(module)} {value.__name__} {own}"
         if isinstance(value, type):
             return self._class(value)
-        for name in ("py_func", "__wrapped__"):  # Numba's jit; caches
-            inner = getattr(value, name, None)
-            if isinstance(inner, types.FunctionType):
+        if isinstance(value, functools._lru_cache_wrapper) or hasattr(value, "py_func"):
+            # caches, and Numba's jit, do what is in them and nothing else
+            inner = getattr(value, "py_func", None) or getattr(value, "__wrapped__", None)
+            if isinstance(inner, types.FunctionType) and not _is_users(type(value).__module__):
                 return f"{_named(type(value))} of {self.text(inner)}"
         return self._object(value)
 
@@ -144,7 +156,8 @@ class _Walk:
                 cells.append(cell.cell_contents)
             except ValueError:  # not yet filled
                 cells.append("empty")
-        return self._all([function.__defaults__, function.__kwdefaults__, cells])
+        own = {name: one for name, one in vars(function).items() if name != "__wrapped__"}
+        return self._all([function.__defaults__, function.__kwdefaults__, cells, own])
 
     def _used(self, code: types.CodeType, known: dict[str, Any]) -> str:
         """Return the globals that a function uses, and its uses of the user's modules."""
@@ -159,6 +172,8 @@ class _Walk:
         if not isinstance(value, types.ModuleType) or not _is_users(value.__name__):
             return f"{name} = {self.text(value)}"
         held = [one for one in inside if one in vars(value)]
+        if not held:
+            return f"{name} = {self.text(value)}"
 
         def content() -> str:
             return "; ".join(self._use(one, vars(value)[one], inside) for one in held)
@@ -289,6 +304,9 @@ def _is_users(module: str | None, file: str | None = None) -> bool:
         found = sys.modules[module]
         folders = iter(getattr(found, "__path__", ()))  # a package without a file of its own
         file = getattr(found, "__file__", None) or next(folders, None)
-    return file is not None and not any(
-        file.startswith(sysconfig.get_path(place)) for place in ("purelib", "platlib")
+    installed = tuple(sysconfig.get_path(place) for place in ("purelib", "platlib"))
+    return (
+        file is not None
+        and not file.startswith(installed)
+        and not {"site-packages", "dist-packages"} & {*Path(file).parts}
     )
