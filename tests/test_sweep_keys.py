@@ -209,7 +209,7 @@ DIFFERENT = [
     ("def f(t): return f.k\nf.k = {}", "1", "2"),
     (WRAPS, "1", "2"),
     ("import numpy as np\nK = np.ma.array([1., 2.], mask={})\nf = lambda t: K", "[0, 0]", "[1, 1]"),
-    ("import numpy as np\nK = np.zeros(2, {})\nf = lambda t: K", "'i4,i4'", "[('a', '<i4')]"),
+    ("import numpy as np\nK = np.zeros(2, [({}, 'i4')])\nf = lambda t: K", "'a'", "'b'"),
 ]  # fmt: skip
 
 
