@@ -184,6 +184,17 @@ def test_its_tension_and_modes_at_rest_are_those_of_links() -> None:
     np.testing.assert_allclose(found[:4], [92.505, 125.211, 128.482, 254.674], rtol=2e-3)
 
 
+@pytest.mark.parametrize(("cells", "speed"), [(310, 6.3), (390, 314.0)])
+def test_many_cells_begin_too(cells: int, speed: float) -> None:
+    """The sum of their metres rounds by more than a last digit, which the tension's search must not
+    wait for: it is the belt's length within the roundings of the sum.
+    """
+    params = ale(drives.scene_u().params, cells)
+    state = bd.settle(params, speed={0: -speed}, friction=False, pulleys="held")
+    rounds = cells * np.finfo(float).eps
+    assert state.m.sum() == pytest.approx(params.belt.length, rel=rounds)
+
+
 def test_a_span_that_moves_has_the_frequencies_of_a_string() -> None:
     """f = (c_w^2 - v^2) / (2 S c_w), of four sine modes 0.05 % off at v / c_w = 0.3."""
     params = ale(drives.scene_m().params, 26, bending_stiffness=0.0)

@@ -540,8 +540,10 @@ double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state 
   return length;
 }
 
-/* Secants, from the tension at rest: a belt that is too short by a share has that times EA more. */
+/* Secants, from the tension at rest: a belt that is too short by a share has that times EA more.
+ * The sum of many cells is no closer than its rounding. */
 double bd_ale_start(bd_ale *ale, double length, double speed, const bd_ale_state *y) {
+  static const double ROUNDING = 1e-13;
   double H = ale->rest, before = 0.0, short_before = 0.0;
   bd_ale_lay(ale, H, speed, y); /* metres, to be weighed */
   for (int turn = 0; turn < 50; ++turn) {
@@ -550,7 +552,9 @@ double bd_ale_start(bd_ale *ale, double length, double speed, const bd_ale_state
       flow = speed / (1.0 + (H + ale->density * flow * speed) / ale->axial);
     }
     const double shorter = bd_ale_lay(ale, H, flow, y) / length - 1.0;
-    if (fabs(shorter) < 4e-16 || (turn > 0 && !(fabs(H - before) > 1e-12 * ale->rest))) {
+    const int rounds = fabs(shorter) < ROUNDING && fabs(shorter) >= fabs(short_before);
+    if (fabs(shorter) < 4e-16 ||
+        (turn > 0 && (rounds || !(fabs(H - before) > 1e-12 * ale->rest)))) {
       return H;
     }
     const double slope = turn == 0 ? -1.0 / ale->axial : (shorter - short_before) / (H - before);
