@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from .. import _core
 from ..base.checks import Array, pair, real, real_array, shown
 from ..base.naming import PulleyLike, as_pulley, index_of, label
-from .torques import PiecewiseLinear, Torque, index_alone, on_pulley
+from .torques import PiecewiseLinear, Torque
 
 __all__ = [
     "EQUAL",
@@ -151,28 +151,12 @@ class _OnOnePulley(Torque):
     def _index(self, pulleys: Sequence[str], path: str, field: str = "pulley") -> int:
         return index_of(f"{path}.{field}", getattr(self, field), pulleys)
 
-    def _index_alone(self, n_pulleys: int, field: str = "pulley") -> int:
-        name = f"{type(self).__name__}.{field}"
-        return index_alone(name, getattr(self, field), n_pulleys)
-
     def _over_time(self) -> PiecewiseLinear | None:
         return self.factor
 
     def _core_factor(self) -> tuple[Array, Array] | None:
         factor = self._over_time()
         return None if factor is None else (factor.t, factor.values[:, 0])
-
-    def _at(self, theta: Array, omega: Array, index: int) -> float:
-        """Torque for angles and speeds, without the factor."""
-        raise NotImplementedError
-
-    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Return the torques (n_p,) [N m]; against a rotation of 0 they are 0."""
-        angles, speeds = np.asarray(theta, dtype=float), np.asarray(omega, dtype=float)
-        index = self._index_alone(speeds.size)
-        over_time = self._over_time()
-        factor = 1.0 if over_time is None else float(over_time.at(t)[0])
-        return on_pulley(index, factor * self._at(angles, speeds, index), speeds.size)
 
     def _fields(self) -> dict[str, Any]:
         cls: Any = type(self)
@@ -236,10 +220,6 @@ class Load(_OnOnePulley):
         against = [self.coulomb, self.viscous, self.quadratic]
         return [("load", self._index(pulleys, path), against, self._core_factor())]
 
-    def _at(self, theta: Array, omega: Array, index: int) -> float:
-        w = float(omega[index])
-        return -float(self.coulomb * np.sign(w) + self.viscous * w + self.quadratic * w * abs(w))
-
     def __str__(self) -> str:
         parts = [
             f"{name} {getattr(self, name):g} {unit}"
@@ -296,10 +276,6 @@ class SpeedTable(_OnOnePulley):
     def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
         index = self._index(pulleys, path)
         return [("table", index, self.omega, self.torque, self._core_factor())]
-
-    def _at(self, theta: Array, omega: Array, index: int) -> float:
-        w = float(omega[index])
-        return float(-np.sign(w) * np.interp(abs(w), self.omega, self.torque))
 
     def __str__(self) -> str:
         return self._with_factor(
@@ -359,9 +335,6 @@ class Motor(_OnOnePulley):
         index = self._index(pulleys, path)
         return [("curve", index, self.omega, self.torque, self._core_factor())]
 
-    def _at(self, theta: Array, omega: Array, index: int) -> float:
-        return float(np.interp(omega[index], self.omega, self.torque))
-
     def __str__(self) -> str:
         return self._with_factor(
             f"motor on {label(self.pulley, ())} over its speed, {self.omega.size} points from "
@@ -413,12 +386,6 @@ class Harmonics(_OnOnePulley):
         harmonics = (self.orders, self.amplitudes, self.phases)
         return [("harmonics", index, of, *harmonics, self._core_factor())]
 
-    def _at(self, theta: Array, omega: Array, index: int) -> float:
-        of = index
-        if self.of is not None:
-            of = self._index_alone(theta.size, "of")
-        return float(self.amplitudes @ np.cos(self.orders * theta[of] + self.phases))
-
     def __str__(self) -> str:
         of = self.pulley if self.of is None else self.of
         orders = ", ".join(f"{order:g}" for order in self.orders)
@@ -439,10 +406,6 @@ class _OverTime(_OnOnePulley):
 
     def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
         return self._history()._core_terms(pulleys, path)
-
-    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Return the torques (n_p,) [N m]; at a jump those after it."""
-        return self._history()(t, theta, omega)
 
 
 @attrs.frozen(repr=False, field_transformer=named)

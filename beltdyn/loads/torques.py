@@ -6,6 +6,7 @@ All torques are the set torques M_d of (2.12), counter-clockwise positive, one p
 from __future__ import annotations
 
 import ctypes
+import functools
 import numbers
 import sys
 from collections.abc import Callable, Sequence
@@ -26,7 +27,6 @@ __all__ = [
     "TorqueSum",
     "Viscous",
     "as_terms",
-    "index_alone",
     "on_pulley",
 ]
 
@@ -83,8 +83,20 @@ class Torque:
         raise NotImplementedError
 
     def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Return the torques (n_p,) [N m] at a time, for angles and speeds (n_p,)."""
-        raise NotImplementedError
+        """Return the torques (n_p,) [N m] for angles and speeds (n_p,); at a jump those after it.
+
+        Torques against a rotation of 0 are 0.
+        """
+        for part in _parts(self):
+            for field in ("pulley", "of"):
+                if isinstance(name := getattr(part, field, None), str):
+                    raise ValueError(
+                        f"{type(part).__name__}.{field} is the name {name!r}: give an index to "
+                        "evaluate the torque without a drive"
+                    )
+        n_p = np.size(omega)
+        terms = self._terms(names_of([None] * n_p), type(self).__name__)
+        return _stand_in(n_p).torques(terms, (), t, t, theta, omega)[0]
 
     def __add__(self, other: object) -> TorqueSum:
         if not isinstance(other, Torque):
@@ -111,6 +123,17 @@ class Torque:
 
 def _parts(torque: Torque) -> Sequence[Torque]:
     return torque.parts if isinstance(torque, TorqueSum) else (torque,)
+
+
+@functools.lru_cache(maxsize=16)
+def _stand_in(n_pulleys: int) -> _core.Model:
+    """Return a drive for torques that are evaluated without one.
+
+    Its waves are so slow that none but a speed of 0 is near zero speed, where signs are smooth.
+    """
+    ones, places = (1.0,) * n_pulleys, [(3.0 * k, 0.0) for k in range(n_pulleys)]
+    belt = (1.0, 3, 1.0, 1e-100, 0.0, 0.0, 0.0)
+    return _core.Model(belt, places, ones, ones, (0.0, 1.0, 0.0, 0, 0.0), None, (0.0, 0.0))
 
 
 def _times(value: ArrayLike) -> Array:
@@ -143,15 +166,6 @@ def _values(value: ArrayLike) -> Array:
 
 def _pulley_or_none(value: object) -> PulleyLike | None:
     return None if value is None else as_pulley("PiecewiseLinear.pulley", value)
-
-
-def index_alone(name: str, pulley: object, n_pulleys: int) -> int:
-    """Return the index of a pulley where there is no drive to look for a name in."""
-    if isinstance(pulley, str):
-        raise ValueError(
-            f"{name} is the name {pulley!r}: give an index to evaluate the torque without a drive"
-        )
-    return index_of(name, pulley, names_of([None] * n_pulleys))
 
 
 def on_pulley(index: int, torque: ArrayLike, n_pulleys: int) -> Array:
@@ -217,21 +231,10 @@ class PiecewiseLinear(Torque):
         index = index_of(f"{path}.pulley", self.pulley, pulleys)
         return [("piecewise", self.t, on_pulley(index, self.values[:, 0], len(pulleys)))]
 
-    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Interpolate; at a jump the value after it."""
-        value = self.at(t)
-        if self.pulley is None:
-            return value
-        n = np.size(omega)
-        return on_pulley(index_alone("PiecewiseLinear.pulley", self.pulley, n), value[0], n)
-
     def at(self, t: float) -> Array:
         """Interpolate the rows of ``values``; at a jump the row after it."""
-        k = int(np.searchsorted(self.t, t, side="right"))
-        if k == 0 or k == self.t.size:
-            return np.array(self.values[max(k - 1, 0)])
-        share = (t - self.t[k - 1]) / (self.t[k] - self.t[k - 1])
-        return np.asarray(self.values[k - 1] + share * (self.values[k] - self.values[k - 1]))
+        still = np.zeros(self.values.shape[1])
+        return attrs.evolve(self, pulley=None)(t, still, still)
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Through the constructor, so that a copy is checked and immutable as well.
@@ -282,10 +285,6 @@ class Viscous(Torque):
 
     def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
         return [("viscous", self.coefficients)]
-
-    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Return -coefficient_j omega_j."""
-        return np.asarray(-self.coefficients * np.asarray(omega))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Through the constructor, so that a copy is checked and immutable as well.
@@ -350,10 +349,6 @@ class TorqueSum(Torque):
             for k, part in enumerate(self.parts)
             for term in part._terms(pulleys, f"{path}[{k}]")
         ]
-
-    def __call__(self, t: float, theta: ArrayLike, omega: ArrayLike) -> Array:
-        """Add up the parts."""
-        return np.asarray(sum(part(t, theta, omega) for part in self.parts))
 
     def __repr__(self) -> str:
         return " + ".join(map(repr, self.parts))

@@ -20,7 +20,7 @@ from ..loads.torques import PiecewiseLinear, TorqueLike
 from ..outputs.state import State
 from ..result.errors import SimulationError
 from ..run.simulation import simulate
-from .linearised import passing_of
+from .linearised import masses, passing_of
 from .torque_slopes import torques_at
 
 __all__ = ["imbalance"]
@@ -64,27 +64,25 @@ def _forces(
     params: Params, rate: Mapping[str, Any], core: Mapping[str, Any], held: tuple[int, ...]
 ) -> list[tuple[float, str]]:
     """Return the unbalanced forces [N], each with what it acts on."""
+    inertia = masses(params, core)
     if params._belt_facts["flows"]:
-        beside = np.asarray(core["m"])
-        mass = params.belt.linear_density * 0.5 * (beside + np.roll(beside, 1))
-        left = mass * abs(rate["v"])
+        what, left = "cell", inertia["v"] * abs(rate["v"])
     else:
-        left = float(params.info["link_mass"]) * np.hypot(rate["vx"], rate["vy"])
+        what, left = "link", inertia["vx"] * np.hypot(rate["vx"], rate["vy"])
     worst = int(np.argmax(left))
-    what = "cell" if params._belt_facts["flows"] else "link"
     out: list[tuple[float, str]] = [(float(left[worst]), f"{what} {worst}")]
     for k, pulley in enumerate(params.pulleys):
         if k not in held:
-            force = abs(float(rate["omega"][k])) * pulley.shaft_inertia / pulley.radius
+            force = abs(float(rate["omega"][k])) * inertia["omega"][k] / pulley.radius
             out.append((force, params.label(k)))
     for c, k in enumerate(params.coupled):
-        torque = abs(float(rate["rim_speed"][c])) * params.coupled_inertias[c]
+        torque = abs(float(rate["rim_speed"][c])) * inertia["rim_speed"][c]
         out.append((torque / params.pulleys[k].radius, f"the rim of {params.label(k)}"))
     centers = params.centers(core["travel"]) if params.mounted else params.centers()
     for m, k, mount in params._moving:
         lever = float(np.hypot(*mount._direction(centers[k])))
-        weight = params._model.mounts[m]["inertia"]
-        force = abs(float(rate["travel_speed"][m])) * weight / max(lever, 1e-12)
+        torque = abs(float(rate["travel_speed"][m])) * inertia["travel_speed"][m]
+        force = torque / max(lever, 1e-12)
         out.append((force, f"the mount of {params.label(k)}"))
     return out
 

@@ -30,6 +30,7 @@ from ..base.checks import Array
 from ..base.optional import scipy_module
 from ..drive import cells
 from ..drive.params import Params
+from ..outputs.spans import has_angles
 from ..outputs.state import State
 
 __all__ = [
@@ -37,6 +38,7 @@ __all__ = [
     "Complex",
     "Linear",
     "linearise",
+    "masses",
     "passing_of",
     "scipy_sparse",
     "speed_of",
@@ -46,7 +48,7 @@ Complex = NDArray[np.complex128]
 
 #: Share of the wave speed below which the belt is at rest.
 STANDSTILL_SPEED = 1e-6
-_SPEEDS = ["vx", "vy", "vphi", "v", "p", "omega", "travel_speed", "rim_speed"]
+_SPEEDS = [name for name, _, unit, _ in _core.STATE_FIELDS if "/s" in unit]
 #: Of which each link, or each state of friction of a link, has one.
 LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
 _SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
@@ -235,6 +237,24 @@ def _of_torques(params: Params, names: Any, slopes: tuple[Array, Array], sparse:
     for name, slope in zip(("theta", "omega"), slopes, strict=True):
         out[np.ix_(rows, np.flatnonzero(names == name))] = slope / inertia[:, None]
     return out.tocsc()
+
+
+def masses(params: Params, core: Mapping[str, Any]) -> dict[str, Array]:
+    """Return masses and inertias that move with the speeds of a state, by field of speeds."""
+    links, found = np.ones(np.size(core["x"])), {}
+    found["vx"] = found["vy"] = float(params.info["link_mass"]) * links
+    turning = float(params.info["link_inertia"]) if has_angles(params) else 0.0
+    found |= {
+        "vphi": turning * links,
+        "omega": params.shaft_inertias,
+        "rim_speed": params.coupled_inertias,
+        "travel_speed": np.array([one["inertia"] for one in params._model.mounts]),
+    }
+    if params._belt_facts["flows"]:
+        m, each = np.asarray(core["m"]), np.size(core["p"]) // len(params.pulleys)
+        nodes, spans = 0.5 * (m + np.roll(m, 1)), np.repeat(0.5 * m[params._cells < 0], each)
+        found |= {"v": params.belt.linear_density * nodes, "p": params.belt.linear_density * spans}
+    return found
 
 
 def speed_of(params: Params, core: Mapping[str, Any]) -> float:

@@ -7,7 +7,7 @@ it lies on pulleys.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -20,9 +20,8 @@ from ..base.naming import span_name
 from ..drive.mounts import KINDS
 from ..drive.params import Params
 from ..drive.route import route_at
-from ..outputs.spans import has_angles
 from ..result.labelled import mount_kinds
-from .linearised import Complex, Linear
+from .linearised import Complex, Linear, masses
 
 __all__ = [
     "Participation",
@@ -93,16 +92,14 @@ def sections(linear: Linear) -> Sections:
 
 def participation(linear: Linear, vectors: Complex, where: Sections) -> Participation:
     """Split the kinetic energies of modes (size, n)."""
-    params = linear.params
-    along, across = _of_belt(linear, vectors, where)
-    inertia = params.shaft_inertias
-    turns = (inertia[:, None] * abs(linear.field(vectors, "omega")) ** 2).T
-    beyond = params.coupled_inertias[:, None]
-    rims = (beyond * abs(linear.field(vectors, "rim_speed")) ** 2).T
-    for c, k in enumerate(params.coupled):
-        turns[:, k] += rims[:, c]
-    weight = np.array([one["inertia"] for one in params._model.mounts]).reshape(-1, 1)
-    moved = (weight * abs(linear.field(vectors, "travel_speed")) ** 2).T
+    energy = {
+        name: (each[:, None] * abs(linear.field(vectors, name)) ** 2).T
+        for name, each in masses(linear.params, linear.state).items()
+    }
+    along, across = _of_belt(linear, vectors, where, energy)
+    turns, moved = energy["omega"], energy["travel_speed"]
+    for c, k in enumerate(linear.params.coupled):
+        turns[:, k] += energy["rim_speed"][:, c]
     belt = along - across.sum(axis=1)
     total = belt + across.sum(axis=1) + turns.sum(axis=1) + moved.sum(axis=1)
     return Participation(
@@ -113,35 +110,22 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
     )
 
 
-def _of_belt(linear: Linear, vectors: Complex, where: Sections) -> tuple[Array, Array]:
+def _of_belt(
+    linear: Linear, vectors: Complex, where: Sections, energy: Mapping[str, Array]
+) -> tuple[Array, Array]:
     """Return twice the kinetic energies of the belt (n,), and of it across its spans (n, n_p)."""
-    params, info = linear.params, linear.params.info
-    n_p, n = len(params.pulleys), vectors.shape[1]
-    if params._belt_facts["flows"]:
-        weights = _of_cells(linear)
-        along = (weights["v"] * abs(linear.field(vectors, "v")) ** 2).sum(axis=0)
-        modes = weights["p"] * abs(linear.field(vectors, "p")) ** 2
-        across = modes.reshape(n_p, len(modes) // n_p, n).sum(axis=1).T
-        return along + across.sum(axis=1), across
-    mass, turning = float(info["link_mass"]), float(info["link_inertia"])
+    n_p, n = len(linear.params.pulleys), vectors.shape[1]
+    if linear.params._belt_facts["flows"]:
+        modes = energy["p"]
+        across = modes.reshape(n, n_p, modes.shape[1] // n_p).sum(axis=2)
+        return energy["v"].sum(axis=1) + across.sum(axis=1), across
     vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
-    whole = mass * (abs(vx) ** 2 + abs(vy) ** 2)
-    if has_angles(params):
-        whole += turning * abs(linear.field(vectors, "vphi")) ** 2
     across = np.zeros((n, n_p))
     for k in range(n_p):
         free = where.span == k
         normal = where.along[k, 0] * vy[free] - where.along[k, 1] * vx[free]
-        across[:, k] = mass * np.sum(abs(normal) ** 2, axis=0)
-    return whole.sum(axis=0), across
-
-
-def _of_cells(linear: Linear) -> dict[str, Array]:
-    """Masses that move with nodes (n_b, 1), and with sine modes (n_p K, 1) [kg]."""
-    params, m = linear.params, np.asarray(linear.state["m"])
-    density, each = params.belt.linear_density, np.size(linear.state["p"]) // len(params.pulleys)
-    nodes, spans = 0.5 * (m + np.roll(m, 1)), np.repeat(0.5 * m[params._cells < 0], each)
-    return {"v": density * nodes[:, None], "p": density * spans[:, None]}
+        across[:, k] = float(linear.params.info["link_mass"]) * np.sum(abs(normal) ** 2, axis=0)
+    return sum(energy[name].sum(axis=1) for name in ("vx", "vy", "vphi")), across
 
 
 def moves(linear: Linear, vectors: Complex, rates: Any) -> tuple[Complex, Complex]:
@@ -168,22 +152,9 @@ def moves(linear: Linear, vectors: Complex, rates: Any) -> tuple[Complex, Comple
 
 def weighted(linear: Linear, vectors: Complex) -> Complex:
     """Speeds in modes times roots of their inertias (m, n), of which squares are energies."""
-    params, info = linear.params, linear.params.info
-    mass, turning = float(info["link_mass"]), float(info["link_inertia"])
-    inertia = params.shaft_inertias
-    carried = np.array([one["inertia"] for one in params._model.mounts])
-    weights: dict[str, Any] = {
-        "vx": mass,
-        "vy": mass,
-        "vphi": turning if has_angles(params) else 0.0,
-        "omega": inertia[:, None],
-        "rim_speed": params.coupled_inertias[:, None],
-        "travel_speed": carried[:, None],
-    }
-    if params._belt_facts["flows"]:
-        weights |= _of_cells(linear)
+    weights = masses(linear.params, linear.state)
     return np.concatenate(
-        [np.sqrt(weight) * linear.field(vectors, name) for name, weight in weights.items()]
+        [np.sqrt(each)[:, None] * linear.field(vectors, name) for name, each in weights.items()]
     )
 
 

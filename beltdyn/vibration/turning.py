@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.checks import Array
 from .eigenvalues import first_rate
-from .linearised import Complex, Linear, scipy_sparse
+from .linearised import Complex, Linear, masses, scipy_sparse
 from .participation import weighted
 
 __all__ = ["mesh_stiffness", "rigid_rates", "rigid_share", "rigid_turning", "turning_of"]
@@ -99,7 +99,10 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
     turn = rigid_turning(linear)
     fast = np.isin(linear.names, ["vx", "vy", "vphi", "omega", "rim_speed"])
     by = np.where(fast, turn, 0.0)
-    on = np.where(fast, 0.0, turn * _masses(linear))
+    weights = masses(linear.params, linear.state)
+    places = {"x": "vx", "y": "vy", "phi": "vphi", "theta": "omega"}
+    carried = _filled(linear, {place: weights[speed] for place, speed in places.items()})
+    on = np.where(fast, 0.0, turn * carried)
     on /= on @ turn
     rate = SLOW * first_rate(linear.params)
     size, scaled = linear.scaled(rate)
@@ -112,15 +115,3 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
     if abs(moved.imag) > LOSSY * abs(moved.real):
         return by, on, None
     return by, on, 1.0 / moved.real + rate**2 - rigid_rates(linear)[0]
-
-
-def _masses(linear: Linear) -> Array:
-    """Inertias (size,) of places and angles of links and pulleys, 0 of all else."""
-    params, info, out = linear.params, linear.params.info, np.zeros(linear.size)
-    inertia = params.shaft_inertias
-    for name in ("x", "y"):
-        out[linear.rows(name)] = float(info["link_mass"])
-    out[linear.rows("phi")] = float(info["link_inertia"])
-    rows = linear.rows("theta")
-    out[rows] = inertia[linear.index[rows]]
-    return out
