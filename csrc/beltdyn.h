@@ -134,9 +134,10 @@ typedef struct bd_sprung {
   BD_SPRUNG(X, sprung, , , , , )
 } bd_sprung;
 
-typedef bd_sprung bd_arm, bd_slider;
-
-enum { BD_MOUNT_ARM, BD_MOUNT_SLIDER, BD_MOUNT_PATH }; /* rows of the table in mount.c */
+#define BD_MOUNT_TYPE(KIND, name) typedef bd_sprung bd_##name;
+#define BD_MOUNT_ROW(KIND, name) BD_MOUNT_##KIND,
+BD_MOUNTS(BD_MOUNT_TYPE)
+enum { BD_MOUNTS(BD_MOUNT_ROW) BD_N_MOUNTS }; /* of the table in mount.c */
 
 typedef struct bd_mount {
   int kind; /* BD_MOUNT_... */

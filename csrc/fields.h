@@ -61,6 +61,9 @@
   X(slider, mass, POSITIVE, "kg", "of carriage and pulley")                                        \
   X(slider, weight, NONNEGATIVE, "kg", "hung on it, pulls along the direction, w")                 \
   BD_SPRUNG(X, slider, "N", "m", "force", "guide", "travel")
+#define BD_PATH(X)
+#define BD_SPRUNG_MOUNTS(KIND) KIND(ARM, arm) KIND(SLIDER, slider)
+#define BD_MOUNTS(KIND) BD_SPRUNG_MOUNTS(KIND) KIND(PATH, path)
 /* Couplings between a pulley's shaft and its rim (MODEL section 5), and the ring of a torsional
  * damper. 0 is a number chosen, of the clutch's stiffness and damping. */
 #define BD_ISOLATOR(X)                                                                             \
@@ -86,13 +89,14 @@
 
 /* All of them, the friction laws' among them; to be called with a macro of the name X. */
 #define BD_LAW_PARAMETERS(name, class, general, states, text) BD_LAW_##name(X)
-#define BD_COUPLING_PARAMETERS(KIND, name) BD_##KIND(X)
+#define BD_KIND_PARAMETERS(KIND, name) BD_##KIND(X)
+#define BD_KIND_NAME(KIND, name) #name " "
 #define BD_PARAMETERS(X)                                                                           \
   BD_BELT(X)                                                                                       \
   BD_PULLEY(X)                                                                                     \
   BD_DRAG(X)                                                                                       \
-  BD_ARM(X)                                                                                        \
-  BD_SLIDER(X) BD_COUPLINGS(BD_COUPLING_PARAMETERS) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
+  BD_MOUNTS(BD_KIND_PARAMETERS)                                                                    \
+  BD_COUPLINGS(BD_KIND_PARAMETERS) BD_CONTACT(X) BD_LAWS(BD_LAW_PARAMETERS)
 
 /* The C type of a parameter under a rule. */
 #define BD_TYPE_POSITIVE double

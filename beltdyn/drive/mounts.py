@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple, TypeAlias
+from typing import Any, ClassVar, NamedTuple, TypeAlias, get_args
 
 import attrs
 import numpy as np
@@ -19,7 +19,6 @@ from ..base.checks import Array, pair, real, real_array
 from .rules import Printable, Rule, from_table, rules_of
 
 __all__ = [
-    "CLASSES",
     "KINDS",
     "Arm",
     "Mount",
@@ -423,14 +422,13 @@ class Path(Printable):
 
 
 Mount: TypeAlias = Arm | Slider | Path
-#: Classes and their rows by name.
-CLASSES: dict[str, type[Mount]] = {cls._row.name: cls for cls in (Arm, Slider, Path)}
-KINDS: dict[str, MountKind] = {name: cls._row for name, cls in CLASSES.items()}
+#: Rows by name.
+KINDS: dict[str, MountKind] = {cls._row.name: cls._row for cls in get_args(Mount)}
 
 
 def mount_or_none(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
     """Check the field of a pulley that holds its mount."""
-    if value is not None and not isinstance(value, tuple(CLASSES.values())):
-        raise TypeError(
-            f"pulley.mount must be an Arm, a Slider, a Path or None, got {type(value).__name__}"
-        )
+    if value is not None and not isinstance(value, Mount):
+        names = (cls.__name__ for cls in get_args(Mount))
+        kinds = ", ".join(f"{'an' if name[0] in 'AEIO' else 'a'} {name}" for name in names)
+        raise TypeError(f"pulley.mount must be {kinds} or None, got {type(value).__name__}")

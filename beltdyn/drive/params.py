@@ -21,7 +21,7 @@ from . import balance, cells, preload, sanity, toml
 from . import compliance as sinking
 from .friction import Friction, Frictionless, law_or_none
 from .mounts import Path, Sprung
-from .parts import BELTS, Belt, Contact, Pulley, as_pulleys
+from .parts import BELTS, SIDES, Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, rules_of
 from .tensioning import Tensioning
@@ -507,31 +507,15 @@ class Params:
 
     def _document(self) -> dict[str, Any]:
         """Return the tables of TOML; what is at its default may be left out."""
-        document: dict[str, Any] = {"gravity": None, **toml.unstructure(self)}
-        tensioning = {k: v for k, v in document.pop("tensioning").items() if v is not None}
-        if self.tensioning != Tensioning():
-            document["tensioning"] = tensioning
-        document["contact"] = {k: v for k, v in document["contact"].items() if v is not None}
-        if self.contact == Contact():
-            del document["contact"]
-        document["belt"] = {k: v for k, v in document["belt"].items() if v is not None}
-        document["pulleys"] = [
-            {
-                name: value
-                for name, value in pulley.items()
-                if value is not None and (name, value) != ("side", "inside")
-            }
-            for pulley in document["pulleys"]
-        ]
-        del document["friction"]
-        if self.friction is not None:
-            document["friction"] = toml.unstructure(self.friction)
-        for pulley, table in zip(self.pulleys, document["pulleys"], strict=True):
-            for name in ("friction", "mount", "coupling"):
-                if (part := getattr(pulley, name)) is not None:
-                    fields = toml.unstructure(part)
-                    table[name] = {k: v for k, v in fields.items() if v is not None}
-        return document
+        given = toml.unstructure(self)
+        for name, usual in (("tensioning", Tensioning()), ("contact", Contact())):
+            if getattr(self, name) == usual:
+                del given[name]
+        for pulley in given["pulleys"]:
+            if pulley["side"] == SIDES[0]:
+                del pulley["side"]
+        order = ("gravity", "belt", "pulleys", "contact", "tensioning", "friction")
+        return {name: given[name] for name in order if name in given}
 
 
 _FIELDS = tuple(field.name for field in attrs.fields(Params) if field.init)

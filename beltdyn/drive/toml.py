@@ -25,9 +25,8 @@ from ..base.naming import PulleyLike
 from ..loads.loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
 from ..loads.motions import AngleTable, CrankMotion
 from ..loads.torques import PiecewiseLinear, Torque, Viscous
-from .couplings import Coupling, Isolator, OverrunningClutch, TorsionalDamper
+from .couplings import Coupling
 from .friction import LAWS, Friction, Frictionless
-from .mounts import CLASSES as MOUNTS
 from .mounts import Mount, Stops
 from .tensioning import Offsets
 
@@ -51,19 +50,14 @@ _MOTIONS: dict[str, type] = {
     "crank": CrankMotion,
     "angle_table": AngleTable,
 }
-_COUPLINGS: dict[str, type] = {
-    "isolator": Isolator,
-    "clutch": OverrunningClutch,
-    "damper": TorsionalDamper,
-}
 #: What a motion can be in a file.
 FileMotion: TypeAlias = PiecewiseLinear | CrankMotion | AngleTable
 #: Tables that say what they are by `kind`: what a field of them is declared as, the classes, and
 #: that which is meant without.
 _BY_KIND: tuple[tuple[Any, dict[str, type], str | None], ...] = (
     (Friction | None, _FRICTION, "dahl"),
-    (Mount | None, MOUNTS, None),
-    (Coupling | None, _COUPLINGS, None),
+    (Mount | None, {cls._row.name: cls for cls in get_args(Mount)}, None),
+    (Coupling | None, {cls._group: cls for cls in get_args(Coupling)}, None),
     (Torque, _TORQUES, None),
     (FileMotion, _MOTIONS, None),
 )
@@ -104,7 +98,7 @@ def _is_list_of_tables(kind: Any) -> bool:
 @cache
 def _converter() -> Any:
     import cattrs
-    from cattrs.gen import make_dict_structure_fn
+    from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
 
     converter = cattrs.Converter(forbid_extra_keys=True)
 
@@ -129,6 +123,16 @@ def _converter() -> Any:
         structure: Any = make_dict_structure_fn(cls, converter, _cattrs_forbid_extra_keys=True)
         return lambda value, kind: structure(_table(value), kind)
 
+    def filled(cls: Any) -> Callable[[Any], dict[str, Any]]:
+        """Leave out what is None; say which kind a part of a drive is."""
+        fields: Any = make_dict_unstructure_fn(cls, converter)
+        kind = {"kind": _KIND_OF[cls]} if issubclass(cls, (Friction, Mount, Coupling)) else {}
+
+        def unstructure(value: Any) -> dict[str, Any]:
+            return kind | {name: one for name, one in fields(value).items() if one is not None}
+
+        return unstructure
+
     def list_of(value: Any, kind: Any) -> Any:
         if not isinstance(value, list):
             raise ValueError("must be an array of tables, [[...]]")
@@ -152,6 +156,8 @@ def _converter() -> Any:
         lambda kind: kind is PiecewiseLinear,
         lambda value, kind: of_table(value, kind) if isinstance(value, dict) else value,
     )
+    converter.register_unstructure_hook_factory(attrs.has, filled)
+    converter.register_unstructure_hook_func(lambda kind: kind is Friction, converter.unstructure)
     converter.register_unstructure_hook_func(lambda kind: kind == Array, np.ndarray.tolist)
     converter.register_unstructure_hook(PiecewiseLinear, _history_table)
     return converter
@@ -242,11 +248,8 @@ def read(source: Source, build: Callable[[dict[str, Any]], _T]) -> _T:
 
 def unstructure(value: Any) -> Any:
     """Turn an object of these classes into plain tables; a torque or motion with its kind."""
-    document = _converter().unstructure(value)
     kind = _KIND_OF.get(type(value))
-    if kind is None:
-        return document
-    return {"kind": kind, **{name: item for name, item in document.items() if item is not None}}
+    return ({"kind": kind} if kind else {}) | _converter().unstructure(value)
 
 
 def write(document: dict[str, Any], path: Source | None) -> str:

@@ -16,7 +16,6 @@ import numpy as np
 from ..drive import cells
 from ..drive.balance import tension_held
 from ..drive.friction import Dahl, ElasticPlastic, Friction, LuGre, MaxwellSlip
-from ..drive.mounts import Sprung
 from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.loads import Harmonics
@@ -108,12 +107,12 @@ def _of_same_tension(params: Params) -> Params:
     A belt that bends is shorter on its way and lifted off its pulleys. Its effect on the tension at
     rest does not count: without bending the belt is still tightened to its tension.
     """
-    belt, pulleys, sprung = params.belt, list(params.pulleys), _sprung(params)
+    belt, pulleys, sprung = params.belt, list(params.pulleys), params._moving
     if belt.length is not None and not sprung:
         belt = attrs.evolve(belt, length=None, preload=params.info["mean_tension"])
     elif belt.length is None:
         held = tension_held(params.effective_pulleys, params.gravity, belt.bending_stiffness)
-        for k in sprung:
+        for _, k, _ in sprung:
             mount: Any = pulleys[k].mount
             drawn = attrs.evolve(mount, preload=None, tension=held, **{mount._row.free: None})
             pulleys[k] = attrs.evolve(pulleys[k], mount=drawn)
@@ -169,10 +168,6 @@ def _without_stribeck(scene: Scene) -> Scene:
     return _with_parts(scene, _stribeck_off)
 
 
-def _sprung(params: Params) -> list[int]:
-    return [k for k in params.mounted if isinstance(params.pulleys[k].mount, Sprung)]
-
-
 def _coarser_law(part: Part) -> Friction | None:
     """Return the law with one state a link that a law with more states or terms comes close to.
 
@@ -202,14 +197,14 @@ def _without_finer_law(scene: Scene) -> Scene:
 
 
 def _has_mounts(scene: Scene) -> bool:
-    return bool(_sprung(scene.params))
+    return bool(scene.params._moving)
 
 
 def _without_mounts(scene: Scene) -> Scene:
     """Fix the axes where they rest, under the belt that is in place."""
     params, centers = scene.params, scene.params.centers()
     pulleys = list(params.pulleys)
-    for k in _sprung(params):
+    for _, k, _ in params._moving:
         x, y = centers[k]
         pulleys[k] = attrs.evolve(pulleys[k], center=(float(x), float(y)), mount=None)
     fixed = attrs.evolve(params, belt=params.effective_belt, pulleys=pulleys)

@@ -17,10 +17,9 @@ from numpy.typing import ArrayLike
 from .. import _core
 from ..base.checks import Array, pair, real, real_array, shown
 from ..base.naming import PulleyLike, as_pulley, index_of, label
-from .torques import PiecewiseLinear, Torque
+from .torques import EQUAL, PiecewiseLinear, Torque
 
 __all__ = [
-    "EQUAL",
     "Harmonics",
     "Load",
     "Motor",
@@ -32,8 +31,6 @@ __all__ = [
     "harmonic_fields",
     "named",
 ]
-
-EQUAL = attrs.cmp_using(eq=np.array_equal)
 
 
 def named(cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
@@ -158,32 +155,12 @@ class _OnOnePulley(Torque):
         factor = self._over_time()
         return None if factor is None else (factor.t, factor.values[:, 0])
 
-    def _fields(self) -> dict[str, Any]:
-        cls: Any = type(self)
-        return {field.name: getattr(self, field.name) for field in attrs.fields(cls)}
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Through the constructor, so that a copy is checked and immutable as well.
-        return _made, (type(self), self._fields())
-
-    def __repr__(self) -> str:
-        given = ", ".join(
-            f"{name}={value.tolist() if isinstance(value, np.ndarray) else value!r}"
-            for name, value in self._fields().items()
-            if value is not None
-        )
-        return f"{type(self).__name__}({given})"
-
     def _with_factor(self, text: str) -> str:
         factor = self._over_time()
         if factor is None:
             return text
         t, values = factor.t, factor.values
         return f"{text}, times {values.min():g} to {values.max():g} from {t[0]:g} to {t[-1]:g} s"
-
-
-def _made(cls: type, fields: dict[str, Any]) -> Any:
-    return cls(**fields)
 
 
 @attrs.frozen(repr=False, field_transformer=named)

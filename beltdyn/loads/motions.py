@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
@@ -13,8 +14,8 @@ from .. import _core
 from ..base.checks import Array, pair, positive, real, shown
 from ..base.naming import ByPulley, by_index, key
 from ..base.optional import scipy_module
-from .loads import EQUAL, as_row, as_row_or_none, harmonic_fields, named
-from .torques import PiecewiseLinear, Torque
+from .loads import as_row, as_row_or_none, harmonic_fields, named
+from .torques import EQUAL, PiecewiseLinear, Torque
 
 __all__ = [
     "AngleTable",
@@ -126,7 +127,7 @@ class AngleTable:
         return knots, spline(knots, 1)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _angle_table, (self.t, self.angle, self.cutoff)
+        return functools.partial(AngleTable, self.t, self.angle, cutoff=self.cutoff), ()
 
     def __str__(self) -> str:
         of = "" if self.cutoff is None else f", filtered at {self.cutoff:g} Hz"
@@ -135,10 +136,6 @@ class AngleTable:
             f"angles at {self.t.size} times from {self.t[0]:g} to {self.t[-1]:g} s{of}, "
             f"speeds {speeds.min():g} to {speeds.max():g} rad/s"
         )
-
-
-def _angle_table(t: Array, angle: Array, cutoff: float | None) -> AngleTable:
-    return AngleTable(t, angle, cutoff=cutoff)
 
 
 def _refuse_wraps(t: Array, angle: Array) -> None:

@@ -21,6 +21,7 @@ from ..base.checks import Array, real_array, refuse_masked
 from ..base.naming import PulleyLike, as_pulley, index_of, label, names_of
 
 __all__ = [
+    "EQUAL",
     "PiecewiseLinear",
     "Torque",
     "TorqueLike",
@@ -33,7 +34,7 @@ __all__ = [
 #: A torque object, ``f(t, theta, omega) -> n_p values``, or a compiled C function.
 TorqueLike: TypeAlias = "Torque | Callable[[float, Array, Array], ArrayLike] | Any"
 
-_EQUAL = attrs.cmp_using(eq=np.array_equal)
+EQUAL = attrs.cmp_using(eq=np.array_equal)
 _SIGNATURE = "void f(double t, double *theta, double *omega, double *torque, void *user)"
 
 
@@ -97,6 +98,22 @@ class Torque:
         n_p = np.size(omega)
         terms = self._terms(names_of([None] * n_p), type(self).__name__)
         return _stand_in(n_p).torques(terms, (), t, t, theta, omega)[0]
+
+    def _given(self) -> dict[str, Any]:
+        cls: Any = type(self)
+        return {field.name: getattr(self, field.name) for field in attrs.fields(cls)}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Through the constructor, so that a copy is checked and immutable as well.
+        return functools.partial(type(self), **self._given()), ()
+
+    def __repr__(self) -> str:
+        given = ", ".join(
+            f"{name}={value.tolist() if isinstance(value, np.ndarray) else value!r}"
+            for name, value in self._given().items()
+            if value is not None
+        )
+        return f"{type(self).__name__}({given})"
 
     def __add__(self, other: object) -> TorqueSum:
         if not isinstance(other, Torque):
@@ -198,8 +215,8 @@ class PiecewiseLinear(Torque):
     """
 
     _in_proportion = ("values",)
-    t: Array = attrs.field(converter=_times, eq=_EQUAL)
-    values: Array = attrs.field(converter=_values, eq=_EQUAL)
+    t: Array = attrs.field(converter=_times, eq=EQUAL)
+    values: Array = attrs.field(converter=_values, eq=EQUAL)
     pulley: PulleyLike | None = attrs.field(default=None, converter=_pulley_or_none)
 
     @values.validator
@@ -236,14 +253,6 @@ class PiecewiseLinear(Torque):
         still = np.zeros(self.values.shape[1])
         return attrs.evolve(self, pulley=None)(t, still, still)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Through the constructor, so that a copy is checked and immutable as well.
-        return type(self), (self.t, self.values, self.pulley)
-
-    def __repr__(self) -> str:
-        pulley = "" if self.pulley is None else f", pulley={self.pulley!r}"
-        return f"PiecewiseLinear(t={self.t.tolist()}, values={self.values.tolist()}{pulley})"
-
     def __str__(self) -> str:
         where = f"{self.n_pulleys} pulley(s)" if self.pulley is None else label(self.pulley, ())
         return self.described(f"{where}, ", "N m")
@@ -276,7 +285,7 @@ class Viscous(Torque):
     """
 
     _in_proportion = ("coefficients",)
-    coefficients: Array = attrs.field(converter=_coefficients, eq=_EQUAL)
+    coefficients: Array = attrs.field(converter=_coefficients, eq=EQUAL)
 
     @property
     def n_pulleys(self) -> int:
@@ -285,13 +294,6 @@ class Viscous(Torque):
 
     def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
         return [("viscous", self.coefficients)]
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        # Through the constructor, so that a copy is checked and immutable as well.
-        return type(self), (self.coefficients,)
-
-    def __repr__(self) -> str:
-        return f"Viscous(coefficients={self.coefficients.tolist()})"
 
     def __str__(self) -> str:
         values = ", ".join(f"{value:g}" for value in self.coefficients)

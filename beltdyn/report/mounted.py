@@ -8,6 +8,7 @@ import numpy as np
 
 from ..base.checks import Array
 from ..drive.mounts import Sprung
+from ..outputs.histories import MountHistory
 from .pulleys import spread
 from .rows import MountRow, Spread
 from .span_rows import dominant, uneven
@@ -19,11 +20,9 @@ __all__ = ["mount_rows"]
 #: it is what rounding and tolerances leave.
 MIN_AMPLITUDE = 1e-6
 _FORCES = {
-    "spring": "spring_force",
-    "damper": "damper_force",
-    "friction": "friction_force",
-    "stop": "stop_force",
-    "belt": "belt_force",
+    name.removesuffix("_force"): name
+    for name in MountHistory.array_names()
+    if name.endswith("_force")
 }
 
 

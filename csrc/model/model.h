@@ -36,9 +36,11 @@ typedef struct bd_mounted {
   int pulley, kind; /* BD_MOUNT_... */
   double drawn[2];  /* place of the axis in the scene */
   double guide[2];  /* pivot; unit vector of its direction */
-  double inertia, mass, stiffness, preload, damping;
-  double friction, adapts; /* F_m; kappa / F_m, 0 without friction */
-  double lowest, highest, stop_stiffness, stop_damping;
+  double inertia, mass;
+#define X(group, name, rule, unit, text) double name;
+  BD_SPRUNG(X, sprung, , , , , )
+#undef X
+  double adapts; /* kappa / F_m, 0 without friction */
   int has_stops;
   const struct bd_mount_kind *row;
   double turning; /* angle by which it turns the bearings of its pulley, over the travel */

@@ -123,21 +123,16 @@ static void fill_slider(bd_mounted *mount, const bd_model *model, const bd_mount
 static void fill_sprung(bd_mounted *mount, const bd_sprung *given) {
   mount->inertia = given->inertia;
   mount->mass = given->mass;
-  mount->stiffness = given->stiffness;
-  mount->preload = given->preload;
-  mount->damping = given->damping;
-  mount->friction = given->friction;
-  mount->lowest = given->lowest;
-  mount->highest = given->highest;
-  mount->stop_stiffness = given->stop_stiffness;
-  mount->stop_damping = given->stop_damping;
+#define X(group, name, rule, unit, text) mount->name = given->name;
+  BD_SPRUNG(X, sprung, , , , , )
+#undef X
 }
 
-static void choose(bd_mounted *mount, const bd_model *model, const bd_sprung *given) {
+static void choose(bd_mounted *mount, const bd_model *model) {
   const double unit = mount->row->angle ? 1.0 : model->radius[mount->pulley];
   const double held = 4.0 * model->belt.axial_stiffness / model->belt.length;
   if (mount->friction > 0.0) {
-    mount->adapts = given->friction_stiffness > 0.0 ? given->friction_stiffness / mount->friction
+    mount->adapts = mount->friction_stiffness > 0.0 ? mount->friction_stiffness / mount->friction
                                                     : 1.0 / (PRESLIDING * unit);
   }
   mount->has_stops = mount->highest > mount->lowest;
@@ -236,10 +231,8 @@ static const bd_mount_kind kinds[] = {
                        .place = place_on_path},
 };
 
-enum { N_KINDS = sizeof kinds / sizeof kinds[0] };
-
 const char *bd_mount_name(int kind, const char **guide) {
-  const int known = kind >= 0 && kind < N_KINDS;
+  const int known = kind >= 0 && kind < BD_N_MOUNTS;
   *guide = known ? kinds[kind].guide : NULL;
   return known ? kinds[kind].name : NULL;
 }
@@ -255,7 +248,7 @@ int bd_mount_check(const bd_scene *scene, int j, bd_error *err) {
                       "%s: a pulley with a mount needs belt.mesh \"joint\" or \"ale\"", label);
   }
   if (!name) {
-    return refuse(err, j, "kind", mount->kind, "must be arm, slider or path");
+    return refuse(err, j, "kind", mount->kind, "must be one of BD_MOUNT_...");
   }
   const double lowest = mount->numbers.lowest, highest = mount->numbers.highest;
   int code = bd_parameters_check(name, label, &mount->numbers, err);
@@ -294,7 +287,7 @@ void bd_model_carve_mounts(bd_carver *carver, bd_model *model, const bd_scene *s
 }
 
 void bd_model_fill_mounts(bd_model *model, const bd_scene *scene) {
-  int has[N_KINDS] = {0};
+  int has[BD_N_MOUNTS] = {0};
   for (int j = 0, m = 0; model->lay.nm > 0 && j < scene->n_pulleys; ++j) {
     const bd_mount *given = scene->pulleys[j].mount;
     model->mount_of[j] = given ? m : -1;
@@ -311,13 +304,13 @@ void bd_model_fill_mounts(bd_model *model, const bd_scene *scene) {
     fill_sprung(mount, &given->numbers);
     mount->row->fill(mount, model, given);
     if (mount->row->moves) {
-      choose(mount, model, &given->numbers);
+      choose(mount, model);
       ++model->n_moving;
       has[mount->kind] = 1;
     }
   }
   size_t at = 0;
-  for (int k = 0; k < N_KINDS; ++k) {
+  for (int k = 0; k < BD_N_MOUNTS; ++k) {
     if (has[k]) {
       at += (size_t)snprintf(model->moving + at, sizeof model->moving - at, "%s%s",
                              at > 0 ? " and " : "mounts: ", kinds[k].many);

@@ -217,7 +217,7 @@ static void states(const bd_derivatives *at, const bd_layout *lay, const bd_stat
 
 const bd_effect bd_effect_couplings = {
     .name = "couplings of shafts and rims",
-    .asked_by = "isolator clutch damper",
+    .asked_by = BD_COUPLINGS(BD_KIND_NAME),
     .label = label,
     .enabled = enabled,
     .rate = rate,

@@ -396,7 +396,7 @@ static void axes_states(const bd_derivatives *at, const bd_layout *lay,
 
 const bd_effect bd_effect_axes = {
     .name = "axes on mounts",
-    .asked_by = "arm slider path",
+    .asked_by = BD_MOUNTS(BD_KIND_NAME),
     .enabled = axes_enabled,
     .rate = axes_rate,
     .tangent = axes_tangent,
@@ -411,7 +411,7 @@ const bd_effect bd_effect_axes = {
 
 const bd_effect bd_effect_mounts = {
     .name = "mounts",
-    .asked_by = "arm slider",
+    .asked_by = BD_SPRUNG_MOUNTS(BD_KIND_NAME),
     .label = mounts_label,
     .enabled = mounts_enabled,
     .rate = mounts_rate,
