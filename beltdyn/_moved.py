@@ -54,6 +54,8 @@ MOVED = {
     "plot.spectrum": "plot.spectrum_lines",
     "report.spans": "report.span_rows",
     "spectra.sources": "outputs.orders",
+    "sweeping.content": "many.content",
+    "sweeping.identity": "many.identity",
     "sweeping.rows": "sweeping.outcomes",
     "sweeping.table": "sweeping.dataset",
     "vibration.linear": "vibration.linearised",

@@ -355,7 +355,7 @@ def test_bad_arguments_are_refused_by_name_and_a_run_that_fails_ends_its_verific
             bd.simulate(*short()[:3], **{"verify": True, **one})
     with pytest.raises(bd.SimulationError, match="max_steps"):
         bd.simulate(*short(), max_steps=5, verify=True)
-    assert not [one for one in threading.enumerate() if one.name.startswith("beltdyn-verify")]
+    assert not [one for one in threading.enumerate() if one.name.startswith("beltdyn")]
 
 
 def test_states_that_settling_gives_are_settled_on_other_meshes() -> None:

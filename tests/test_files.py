@@ -12,7 +12,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -26,7 +26,7 @@ from matplotlib.figure import Figure
 
 import beltdyn as bd
 from beltdyn import cli
-from beltdyn.base import files
+from beltdyn.base import files, sqlite
 from beltdyn.cli import commands, written
 
 posix = pytest.mark.skipif(os.name != "posix", reason="needs POSIX files and processes")
@@ -176,6 +176,36 @@ def public_folder() -> Iterator[Path]:
         Path(folder).chmod(0o755)
         yield Path(folder)
         Path(folder).chmod(0o755)
+
+
+@posix
+def test_a_write_that_was_cut_off_is_taken_back_where_one_may_write(public_folder: Path) -> None:
+    file, tables = public_folder / "file", "CREATE TABLE rows (content BLOB);"
+    torn, journal = file.with_name("torn"), file.with_name("torn-journal")
+    with sqlite.created(file, tables) as db:
+        db.execute("INSERT INTO rows VALUES (zeroblob(90000))")
+    with (
+        closing(sqlite.opened(file, tables, write=True)) as db,
+        pytest.raises(KeyboardInterrupt),
+        sqlite.written(db, file),
+    ):
+        db.execute("PRAGMA cache_size = 1")
+        db.execute("UPDATE rows SET content = zeroblob(180000)")
+        torn.write_bytes(file.read_bytes())
+        journal.write_bytes(file.with_name("file-journal").read_bytes())
+        raise KeyboardInterrupt
+    for mode in (0o666, 0o444):
+        torn.chmod(mode)
+        journal.chmod(mode)
+        public_folder.chmod(0o555)
+        with (
+            without_privileges(),
+            pytest.raises(OSError, match="taken back by torn-journal beside it: copy both"),
+        ):
+            sqlite.opened(torn, tables)
+    public_folder.chmod(0o755)
+    sqlite.opened(torn, tables).close()
+    assert torn.read_bytes() == file.read_bytes() and not journal.exists()
 
 
 @posix

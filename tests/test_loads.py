@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import beltdyn as bd
-from beltdyn.accuracy.studies import _in_core
 from beltdyn.loads.motions import in_core
+from beltdyn.verification.runs import evaluated_in_core
 
 pytestmark = pytest.mark.filterwarnings("ignore:(mesh|no_friction|units):UserWarning")
 
@@ -578,5 +578,5 @@ def test_objects_are_values_that_the_core_reads() -> None:
     assert attrs.evolve(HARMONICS, of=1) != HARMONICS
     assert in_core(CRANK) and in_core(CRANK_SPEED) and in_core(bd.Motion(speed=CRANK_SPEED))
     assert not in_core(math.sin) and not in_core(bd.Motion(angle=math.sin))
-    assert _in_core(bd.Scene(drives.plain(), whole, 0.1, {0: CRANK}))
+    assert evaluated_in_core(bd.Scene(drives.plain(), whole, 0.1, {0: CRANK}))
     assert "call" not in {kind for kind, *_ in whole.terms(drives.plain().pulley_names)}

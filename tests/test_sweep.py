@@ -382,6 +382,7 @@ BAD_NAMES: list[tuple[Any, str]] = [
     ({"pulleys[0].inertia": [1.0], "pulleys[*].inertia": [1.0]}, "a number in common"),
     ({"outputs": [("belt",)]}, "nothing is called 'outputs'"),
     ("belt.length", "over must be"),
+    ({"max_steps": [2**63]}, "over['max_steps'] must hold integers of 64 bits"),
 ]  # fmt: skip
 BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"measure": "span_tensoin"}, "did you mean 'span_tension'"),
@@ -405,12 +406,25 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"last": 0.0}, "last must be"),
     ({"scene": "no-such-scene"}, "no scene is called"),
     ({"scene": 3}, "scene must be"),
+    # as simulate says it of one run
+    ({"rtol": "x"}, "rtol must be a real number, got 'x'"),
+    ({"method": "euler"}, "method must be one of auto"),
+    ({"step": 0.0}, "step must be > 0 s"),
+    ({"max_steps": 2**63}, "max_steps is too large: 9223372036854775808"),
+    ({"breakpoints": "x"}, "breakpoints must hold real numbers"),
+    ({"verify": 1}, "verify must be a bool"),
+    ({"t_eval": 100}, "t_eval must have 1 dimension"),
+    ({"t_eval": [0.0, 9.0]}, "t_eval must lie within the run, [0, "),
+    ({"t_eval": [0.0, -1.0], "over": {"t_end": [0.01]}}, "t_eval must be non-decreasing"),
+    ({"initial": "rest"}, "initial must be a State or None"),
 ]
 
 
 def test_what_is_wrong_is_refused_before_anything_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Dispatch, "all", None)
     rows = [({"over": over}, words) for over, words in BAD_NAMES] + BAD_ARGUMENTS
+    other = {"initial": bd.settle(plain().params), "over": {"torque.scale": [1.0]}}
+    rows.append((other, "initial.x must have shape"))
     for options, words in rows:
         with pytest.raises((TypeError, ValueError)) as error:
             run(**{"scene": small(), "over": {"belt.length": [1.2]}, **options})

@@ -137,6 +137,7 @@ WRONG = [
     ("count = 3", 'count = 3, spacing = "log"', "spacing must be one of even, geometric"),
     ("from = 0.5", "from = -1, spacing = 'geometric'", "must not reach or pass 0"),
     ("rtol = 1e-3", "store = 'x'", "options.store"),
+    ("rtol = 1e-3", "rtol = 'x'", "rtol must be a real number"),
     ("[1.198, 1.2, 0.2]", "1.2", "over.belt.length: must be a list of values, or a range"),
     ('"torque.scale" =', "torque.scale =", "names stand in quotes"),
     ("[1.198, 1.2, 0.2]", "[{ a = 1 }]", "over.belt.length[0]: must be a number"),

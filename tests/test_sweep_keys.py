@@ -20,20 +20,25 @@ import sweep_runs
 import beltdyn as bd
 from beltdyn import _core
 from beltdyn.drive.parameters import numbers
-from beltdyn.sweeping import content
-from beltdyn.sweeping.content import Contents
-from beltdyn.sweeping.identity import NoKeyError, token
-from beltdyn.sweeping.names import changed
+from beltdyn.many import content
+from beltdyn.many.content import Contents
+from beltdyn.many.identity import NoKeyError, token
+from beltdyn.sweeping.names import OPTIONS, changed, place
 
 GAIN = 3.0
 
 
+def contents(scene: bd.Scene, *names: str, **options: Any) -> Contents:
+    places = [place(scene, name) for name in names]
+    return Contents(scene, {**OPTIONS, **options}, places, "measured")
+
+
 def key(scene: bd.Scene, **options: Any) -> str:
-    return Contents(scene, options, (), "measured", "").key(())
+    return contents(scene, **options).key(())
 
 
 def swept(scene: bd.Scene, values: dict[str, Any], **options: Any) -> str:
-    return Contents(scene, options, tuple(values), "measured", "").key(tuple(values.values()))
+    return contents(scene, *values, **options).key(tuple(values.values()))
 
 
 def scenes() -> dict[str, bd.Scene]:
@@ -63,16 +68,16 @@ def test_any_one_number_changes_the_key(name: str) -> None:
     assert len(found) == len(values) + 1 > 20
     # changed in pairs they do not make up for each other
     names = tuple(values)[:4]
-    contents = Contents(scene, {}, (*names, "torque.scale", "t_end", "rtol"), "m", "")
+    of_all = contents(scene, *names, "torque.scale", "t_end", "rtol")
     start = [values[one] for one in names]
-    keys = {contents.key((*start, *more)) for more in product((0.1, 0.2, 0.3), repeat=3)}
-    keys |= {contents.key((*swap, 0.1, 0.1, 0.1)) for swap in permutations((0.1, 0.2, 0.3, 0.4))}
+    keys = {of_all.key((*start, *more)) for more in product((0.1, 0.2, 0.3), repeat=3)}
+    keys |= {of_all.key((*swap, 0.1, 0.1, 0.1)) for swap in permutations((0.1, 0.2, 0.3, 0.4))}
     assert len(keys) == 27 + 24
 
 
 def test_the_run_that_a_run_goes_on_from_changes_the_key() -> None:
-    contents = Contents(sweep_runs.plain(), {}, (), "measured", "")
-    assert len({contents.key((), before) for before in ("", "a", "b")}) == 3
+    of_run = contents(sweep_runs.plain())
+    assert len({of_run.key((), before) for before in ("", "a", "b")}) == 3
 
 
 def test_the_same_scene_built_in_another_way() -> None:

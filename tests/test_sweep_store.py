@@ -23,10 +23,10 @@ from sweep_runs import MEASURE, TIMES, do, plain, same, under_function
 
 import beltdyn as bd
 from beltdyn.base import sqlite
-from beltdyn.many import store
+from beltdyn.many import content, store
 from beltdyn.many.outcome import Outcome
 from beltdyn.many.store import Kept, Store
-from beltdyn.sweeping import SweepInterrupted, content
+from beltdyn.sweeping import SweepInterrupted
 from beltdyn.sweeping.outcomes import Axis, Layout, Measured, Quantity, of_kept, to_kept
 
 N = 60
@@ -279,6 +279,10 @@ def test_runs_that_might_end_otherwise_are_not_kept(tmp_path: Path) -> None:
     (part,) = folder.glob("part-*.sqlite")
     part.write_bytes(part.read_bytes()[:2000])
     with pytest.raises(ValueError, match=rf"{part.name} cannot be read.*remove it"):
+        do(plain(), over, MEASURE, store=folder)
+    part.unlink()
+    part.mkdir()
+    with pytest.raises(OSError, match=f"regular file; it is a part of the store {folder}.*{part}"):
         do(plain(), over, MEASURE, store=folder)
     one, other = Store(tmp_path / "both"), Store(tmp_path / "both")
     for k in range(3):

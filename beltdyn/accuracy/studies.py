@@ -2,37 +2,33 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
+import math
 import os
-import threading
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import attrs
 import numpy as np
 
 from .. import _core
-from ..base.checks import flag, integer, positive, real
-from ..base.progress import counted
+from ..base.checks import Array, flag, integer, positive, real
 from ..drive.params import Params
 from ..drive.scene import Scene
-from ..loads.motions import in_core
-from ..loads.torques import Torque
-from ..many.outcome import attempt
-from ..many.pools import Pool, as_pool
-from ..many.store import Kept, Store
+from ..many.collect import outcomes
+from ..many.content import Contents
+from ..many.identity import NoKeyError
+from ..many.outcome import Outcome, attempt
+from ..many.pools import as_pool
 from ..result.errors import SimulationError
 from ..run.simulation import settle, simulate
 from ..verification.quantities import QUANTITIES, Observed, differences, with_links
-from ..verification.runs import Done, Runs, whole_scene
+from ..verification.runs import Runs, evaluated_in_core, whole_scene
 from ..verification.settings import METHODS, RTOLS, Setting, fewest, meshes
 from .study_rows import Row
 from .study_table import Study
 
 __all__ = ["quick", "study"]
-
-Show = Callable[[int, int, str], None]
 
 #: References in time, of unrelated families, explicit one-step, implicit one-step and multistep:
 #: tolerances over the tightest compared, and the tightest. Of those that are affordable on a mesh
@@ -53,8 +49,14 @@ _EXPLICIT_STEP, _EXPLICIT_COST, _LONGEST = 2.5, 8e-8, 7.5
 _QUICK, _QUICK_LIMIT, _BOTH, _ONE = 15.0, 0.2, 100.0, 40.0
 #: The order of the meshes, to estimate what is left of the error in space on the finest.
 _ORDER = 2.0
-#: What is measured of a row.
-_MEASURED = frozenset(attrs.fields_dict(Row)) - {"setting"}
+#: What is measured of a run that failed.
+_FAILED: dict[str, Any] = {
+    "seconds": math.nan,
+    "repeats": 0,
+    "steps": 0,
+    "error": {},
+    "time": {},
+}
 
 
 def study(
@@ -92,7 +94,7 @@ def study(
             functions, which may not be safe in several threads. The CPU time is that of the thread
             of a run, the least of up to three repeats.
         store: A folder to keep the runs in (SQLite files); those found there, of the same scene and
-            version of beltdyn, are not repeated. Needs a scene that TOML can hold.
+            build of beltdyn, are not repeated. Functions are known as in :func:`beltdyn.sweep`.
         progress: Whether to show a progress bar on stderr (needs ``rich``).
 
     Raises:
@@ -102,6 +104,8 @@ def study(
         OSError: The store cannot be read or written.
     """
     scene = whole_scene(scene)
+    if workers is None and not evaluated_in_core(scene):
+        workers = 1
     ladder = _numbers(scene.params, n_bodies)
     last = real("last", last)
     job = _Job(
@@ -112,14 +116,12 @@ def study(
         finest=2 * ladder[-1] if finest is None else integer("finest", finest, ladder[-1] + 1),
         limit=positive("limit", limit, "s"),
         runs=Runs(scene, simulate, settle, last=last),
-        store=None if store is None else Store(store),
-        identity=[] if store is None else _identity(scene, last),
+        workers=workers if workers is None else integer("workers", workers, 1),
+        store=store,
+        contents=None if store is None else _contents(scene, last),
+        progress=flag("progress", progress),
     )
-    if workers is None and not _in_core(scene):
-        workers = 1
-    threads = None if workers is None else integer("workers", workers, 1)
-    with as_pool(threads) as pool, counted(flag("progress", progress), "accuracy") as show:
-        return job.study(pool, show)
+    return job.study()
 
 
 def quick(scene: Scene) -> tuple[Scene, dict[str, Any]]:
@@ -141,12 +143,6 @@ def quick(scene: Scene) -> tuple[Scene, dict[str, Any]]:
     share = min(1.0, _QUICK / (_ONE * cost))
     options = {"n_bodies": numbers, "rtols": RTOLS[:4], "limit": _QUICK_LIMIT}
     return scene._replace(t_end=share * scene.t_end), options
-
-
-def _in_core(scene: Scene) -> bool:
-    """Whether torques and motions are objects, which the core evaluates by itself."""
-    motions = (scene.motion or {}).values()
-    return isinstance(scene.torque_fn, Torque) and all(in_core(one) for one in motions)
 
 
 def _methods(params: Params) -> list[str]:
@@ -171,13 +167,14 @@ def _numbers(params: Params, n_bodies: Sequence[int] | None) -> list[int]:
     return numbers
 
 
-def _identity(scene: Scene, last: float) -> list[Any]:
-    """Everything that a run's record depends on besides its setting and references."""
+def _contents(scene: Scene, last: float) -> Contents:
+    """Return the keys of runs: CPU times are those of an instruction level."""
     try:
-        text = scene.to_toml()
-    except TypeError as error:
-        raise TypeError(f"store needs a scene that can be written as TOML: {error}") from None
-    return [text, _core.__version__, _core.kernel_level(), last]
+        return Contents(scene, {}, (), f"study {last} {_core.kernel_level()}")
+    except NoKeyError as error:
+        raise ValueError(
+            f"store: runs are known by their content, and {error}; leave store out"
+        ) from None
 
 
 @attrs.define(kw_only=True, eq=False)
@@ -191,32 +188,66 @@ class _Job:
     finest: int
     limit: float
     runs: Runs
-    store: Store | None
-    identity: list[Any]
-    _count: int = 0
-    _lock: threading.Lock = attrs.field(factory=threading.Lock)
+    workers: int | None
+    store: str | os.PathLike[str] | None
+    contents: Contents | None
+    progress: bool
 
-    def study(self, pool: Pool, show: Show) -> Study:
-        rungs = len(self.meshes) * len(self.methods) * len(self.rtols)
-        total = 2 * (len(self.meshes) + 1) + rungs
-
-        def report(runs: int, text: object) -> None:
-            with self._lock:
-                self._count += runs
-                show(self._count, total, str(text))
-
+    def study(self) -> Study:
         # The longest first, so that no thread is left with them at the end.
         wanted = [Setting(self.finest, *pair) for pair in self._references(_FINE)]
         for n_b in reversed(self.meshes):
             wanted += [Setting(n_b, *pair) for pair in self._tight(n_b)]
-        seen = dict(
-            zip(wanted, pool.map(lambda one: self._reference(one, report), wanted), strict=True)
-        )
+        what = [["reference", attrs.astuple(one)] for one in wanted]
+        found = self._collect("references", self._reference, wanted, what)
+        seen = {one: _from_lists(of.value) for one, of in zip(wanted, found, strict=True)}
         references = {n_b: self._pair(n_b, seen) for n_b in [*self.meshes, self.finest]}
-        ladders = [(n_b, name) for n_b in reversed(self.meshes) for name in self.methods]
-        climbed = pool.map(lambda one: list(self._climb(*one, references, report)), ladders)
-        rows = [row for ladder in climbed for row in ladder]
+        fine = references[self.finest]
+
+        def against(n_b: int) -> list[Any]:
+            return [attrs.astuple(one) for one, _ in (*references[n_b], *fine)]
+
+        settings = [
+            Setting(n, m, r)
+            for n in reversed(self.meshes)
+            for m in self.methods
+            for r in self.rtols
+        ]
+        climbed = self._collect(
+            "runs",
+            lambda one, before: self._climb(one, before, references[one.n_bodies], fine[0][1]),
+            settings,
+            [[attrs.astuple(one), against(one.n_bodies)] for one in settings],
+            after=[k - 1 if k % len(self.rtols) else -1 for k in range(len(settings))],
+        )
+        rows = [
+            Row(setting=one, **(of.value or _FAILED), failure=of.message)
+            for one, of in zip(settings, climbed, strict=True)
+            if of.status != "missing"
+        ]
         return self._study(rows, references)
+
+    def _collect(
+        self,
+        what: str,
+        run: Callable[[Setting, Array | None], Outcome],
+        settings: list[Setting],
+        inputs: list[Any],
+        after: Sequence[int] = (),
+    ) -> list[Outcome]:
+        """Return the outcomes of runs; of each what it depends on besides the scene is given."""
+        contents = self.contents
+        return outcomes(
+            run,
+            settings,
+            lambda: as_pool(self.workers),
+            str,
+            after=after,
+            store=self.store,
+            keys=[contents.key((), json.dumps(one)) for one in inputs] if contents else [],
+            progress=self.progress,
+            label=f"accuracy, {what}",
+        )
 
     # --- references ---
 
@@ -232,14 +263,8 @@ class _Job:
             return self._references(_TIGHT[1:])
         return self._references(_TIGHT[:2])
 
-    def _reference(self, setting: Setting, report: Callable[[int, object], None]) -> Observed:
-        def observed() -> dict[str, Any]:
-            report(0, setting)
-            return {"observed": _as_lists(self.runs(setting).seen)}
-
-        record = self._once(["reference", attrs.astuple(setting)], ("observed",), observed)
-        report(1, setting)
-        return _from_lists(record["observed"])
+    def _reference(self, setting: Setting, _before: Array | None) -> Outcome:
+        return Outcome(status="finished", value=_as_lists(self.runs(setting).seen))
 
     def _pair(self, n_b: int, seen: Mapping[Setting, Observed]) -> list[tuple[Setting, Observed]]:
         return [(one, observed) for one, observed in seen.items() if one.n_bodies == n_b]
@@ -248,78 +273,34 @@ class _Job:
 
     def _climb(
         self,
-        n_b: int,
-        method: str,
-        references: Mapping[int, list[tuple[Setting, Observed]]],
-        report: Callable[[int, object], None],
-    ) -> Iterator[Row]:
-        """Run a method on a mesh, from loose to tight tolerances."""
-        for k, rtol in enumerate(self.rtols):
-            setting = Setting(n_b, method, rtol)
-            report(0, setting)
-            row = self._row(setting, references)
-            report(1, setting)
-            yield row
-            if row.seconds > self.limit:
-                report(len(self.rtols) - k - 1, setting)
-                return
-
-    def _row(
-        self, setting: Setting, references: Mapping[int, list[tuple[Setting, Observed]]]
-    ) -> Row:
-        own, fine = references[setting.n_bodies], references[self.finest]
-        against = [attrs.astuple(one) for one, _ in (*own, *fine)]
-        record = self._once(
-            [attrs.astuple(setting), against],
-            _MEASURED,
-            lambda: self._measure(setting, own, fine[0][1]),
-        )
-        return Row(setting=setting, **record)
-
-    def _once(
-        self, what: list[Any], fields: Collection[str], make: Callable[[], dict[str, Any]]
-    ) -> dict[str, Any]:
-        """Return the record of a run with these fields, from the store if it is there."""
-        if self.store is None:
-            return make()
-        inputs = json.dumps([*self.identity, *what], sort_keys=True)
-        key = hashlib.sha256(inputs.encode()).hexdigest()[:32]
-        for kept in self.store.find([key]).values():
-            found: dict[str, Any] = json.loads(kept.text)
-            if set(found) == set(fields):
-                return found
-        record = make()
-        self.store.add(key, Kept(json.dumps(record)))
-        self.store.flush()
-        return record
-
-    def _measure(
-        self, setting: Setting, own: list[tuple[Setting, Observed]], fine: Observed
-    ) -> dict[str, Any]:
+        setting: Setting,
+        before: Array | None,
+        own: list[tuple[Setting, Observed]],
+        fine: Observed,
+    ) -> Outcome:
+        """Run a setting, unless the looser one before it, of so much CPU time, took too long."""
+        if before is not None and before[0] > self.limit:
+            return Outcome(status="missing", final=before)
         times: list[float] = []
 
-        def run() -> Done:
+        def run() -> dict[str, Any]:
             while not times or (
                 len(times) < _REPEATS and (len(times) + 1) * min(times) <= _REPEATED * self.limit
             ):
                 done = self.runs(setting)
                 times.append(done.cpu)
-            return done
+            apart = [differences(done.seen, seen) for seen in _unrelated(setting.method, own)]
+            return {
+                "seconds": min(times),
+                "repeats": len(times),
+                "steps": done.steps,
+                "error": differences(done.seen, fine),
+                "time": {name: max(one[name] for one in apart) for name in QUANTITIES},
+            }
 
         outcome = attempt(run, SimulationError)
-        if outcome.status != "finished":
-            failed = {"seconds": float("nan"), "repeats": 0, "steps": 0, "error": {}, "time": {}}
-            return {**failed, "failure": outcome.message}
-        done: Done = outcome.value
-        apart = [differences(done.seen, seen) for seen in _unrelated(setting.method, own)]
-        return {
-            "seconds": min(times),
-            "repeats": len(times),
-            "steps": done.steps,
-            "error": differences(done.seen, fine),
-            "time": {name: max(one[name] for one in apart) for name in QUANTITIES},
-            "failure": "",
-        }
+        seconds = (outcome.value or _FAILED)["seconds"]
+        return attrs.evolve(outcome, final=np.array([seconds]))
 
     # --- all together ---
 

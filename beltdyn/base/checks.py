@@ -113,6 +113,8 @@ def integer(name: str, value: object, least: int, most: int | None = None) -> in
     number = int(value)
     if number < least or (most is not None and number > most):
         raise ValueError(f"{rule}, got {shown(number)}")
+    if number >= 2**63:  # more than the core and files hold
+        raise ValueError(f"{name} is too large: {shown(number)}")
     return number
 
 

@@ -47,10 +47,11 @@ def over_time(
 
 
 @contextmanager
-def counted(enabled: bool, label: str) -> Iterator[Callable[[int, int, str], None]]:
+def counted(enabled: bool, label: str) -> Iterator[Callable[[int, int | None, str], None]]:
     """Show runs done of all, the time left, and which is next.
 
-    Yields a function of the number done, the number of all and a text; safe in several threads.
+    Yields a function of the number done, the number of all, None if it is not known, and a text;
+    safe in several threads.
     """
     console = _terminal(enabled)
     if console is None:

@@ -29,8 +29,8 @@ _PATIENCE = 5.0
 
 
 @contextmanager
-def errors(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Raise errors of SQLite as those of Python.
+def errors(path: str | os.PathLike[str], hint: str = "") -> Iterator[None]:
+    """Raise errors of SQLite as those of Python, of the system with a hint.
 
     Raises:
         BlockingIOError: Another process is writing to the file.
@@ -46,7 +46,7 @@ def errors(path: str | os.PathLike[str]) -> Iterator[None]:
             raise BlockingIOError(errno.EWOULDBLOCK, what, os.fspath(path)) from None
         if code in _OF_SYSTEM:
             number = _OF_SYSTEM[code]
-            raise OSError(number, os.strerror(number), os.fspath(path)) from error
+            raise OSError(number, f"{os.strerror(number)}{hint}", os.fspath(path)) from error
         raise ValueError(f"it is damaged ({error})") from error
 
 
@@ -92,7 +92,13 @@ def opened(
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), os.fspath(path))
     # for reading, too: what a killed process was writing is then taken back
     address = f"{place.absolute().as_uri()}?{'mode=ro&immutable=1' if constant else 'mode=rw'}"
-    with errors(path):
+    journal, hint = place.with_name(f"{place.name}-journal"), ""
+    if journal.exists():
+        hint = (
+            f"; a write to it was cut off and is taken back by {journal.name} beside it: copy both "
+            "to a folder where they can be written"
+        )
+    with errors(path, hint):
         db = sqlite3.connect(
             address, uri=True, timeout=0.0, isolation_level=None, check_same_thread=False
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -12,6 +11,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, flag, integer
+from ..base.progress import counted
 from ..base.run_warnings import distinct, issue
 from ..drive.params import Params
 from ..many.pools import as_pool
@@ -160,7 +160,7 @@ def identify(
         raise ValueError("workers are threads, executor something else: give one of them")
     with (
         as_pool(executor if workers is None else integer("workers", workers, 1)) as pool,
-        _progress(flag("progress", progress)) as show,
+        counted(flag("progress", progress), "identifying") as show,
     ):
         search = _Search(Rig(params, parameters, targets, pool), parameters, options, show)
         try:
@@ -202,14 +202,14 @@ class _Search:
         rig: Rig,
         parameters: tuple[Parameter, ...],
         options: Options,
-        show: Callable[[int, float], None],
+        show: Callable[[int, int | None, str], None],
     ) -> None:
         self.rig = rig
         self.parameters = parameters
         self.options = options
         self.best: Trial | None = None
         self._best_cost = np.inf
-        self._show = show
+        self._show_runs = show
         self._last: Trial | None = None
         self._slopes: tuple[Array, Array] | None = None
         self._low = np.array([part.coordinate(part.low) for part in parameters])
@@ -334,7 +334,7 @@ class _Search:
         """Try points within the limits; return those that can be simulated, the best first."""
         inside = np.clip(points, self._low, self._high)
         trials = self.rig.try_all(list(inside))
-        self._show(self.rig.runs, self._best_cost)
+        self._show()
         good = [(one.u, self._score(one)) for one in trials if one.error is None]
         self._tried += good
         return sorted(good, key=lambda one: one[1])
@@ -420,7 +420,10 @@ class _Search:
             cost = self._cost(trial)
             if cost < self._best_cost:
                 self.best, self._best_cost = trial, cost
-        self._show(self.rig.runs, self._best_cost)
+        self._show()
+
+    def _show(self) -> None:
+        self._show_runs(self.rig.runs, None, f"cost {self._best_cost:.6g}")
 
     def _residuals(self, u: Array) -> Array:
         trial = self._try(u)
@@ -461,7 +464,7 @@ class _Search:
         for _ in range(3):
             points = [(k, point) for k in todo for point in self._points(here.u, k, step)]
             trials = self.rig.try_all([point for _, point in points])
-            self._show(self.rig.runs, self._best_cost)
+            self._show()
             for k in todo:
                 tried = [t for (j, _), t in zip(points, trials, strict=True) if j == k]
                 good = [t for t in tried if t.error is None]
@@ -567,16 +570,3 @@ class _Search:
             parameters=self.parameters,
             curves=frozenset(name for name, target in rig.targets.items() if target.is_curve),
         )
-
-
-@contextmanager
-def _progress(enabled: bool) -> Iterator[Callable[[int, float], None]]:
-    """Show runs and cost on stderr."""
-    if not enabled:
-        yield lambda _runs, _cost: None
-        return
-    from rich.console import Console
-
-    console = Console(stderr=True)
-    with console.status("identifying") as status:
-        yield lambda runs, cost: status.update(f"identifying: {runs} runs, cost {cost:.6g}")

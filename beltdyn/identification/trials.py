@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
+from contextlib import nullcontext
+from functools import partial
 from typing import Any
 
 import attrs
@@ -12,9 +14,10 @@ from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.parameters import read
 from ..drive.params import Params
+from ..many.collect import outcomes
+from ..many.outcome import Outcome, attempt
 from ..many.pools import Pool
 from ..outputs.histories import GROUPS
-from ..outputs.state import State
 from ..result.errors import SimulationError
 from ..result.result import Result
 from ..run.simulation import simulate
@@ -80,7 +83,7 @@ class Rig:
     ) -> None:
         self._params = params
         self._parameters = parameters
-        self._pool = pool
+        self._pool = lambda: nullcontext(pool)  # for the runs of all points
         self._runs = _arrange(params, _checked(targets))
         self.experiments = tuple(run.name for run in self._runs)
         self.targets: dict[str, Target] = {}
@@ -100,45 +103,46 @@ class Rig:
         self.runs = 0
 
     def try_all(
-        self,
-        points: Sequence[Array],
-        *,
-        keep: bool = False,
-        refine: int = 1,
-        after: Callable[[], None] | None = None,
+        self, points: Sequence[Array], *, keep: bool = False, refine: int = 1
     ) -> list[Trial]:
         """Simulate all experiments at several points, in parallel."""
-        drives = [self._drives(u, refine) for u in points]
-        starts: dict[tuple[int, int], Any] = {}
+        pool, drives = self._pool, [self._drives(u, refine) for u in points]
+        # Settled before the runs, which share them, so that processes need not settle them again.
+        starts: dict[tuple[int, int], tuple[Experiment, Outcome]] = {}
         for k, of_runs in enumerate(drives):
             for run, drive in zip(self._runs, of_runs, strict=True):
                 starts.setdefault((k, run.start), (run.experiment, drive))
-        begun = dict(zip(starts, self._pool.map(_begin, starts.values()), strict=True))
+        begun = outcomes(_begin, list(starts.values()), pool)
+        start_of = dict(zip(starts, begun, strict=True))
         jobs = [
-            (run, drive, begun[k, run.start], keep)
+            (run, drive, start_of[k, run.start], keep)
             for k, of_runs in enumerate(drives)
             for run, drive in zip(self._runs, of_runs, strict=True)
         ]
-        done = self._pool.map(_simulate, jobs)
+        done = outcomes(_simulate, jobs, pool)
         self.runs += len(jobs)
-        if after is not None:
-            after()
         width = len(self._runs)
         return [self._trial(u, done[k * width : (k + 1) * width]) for k, u in enumerate(points)]
 
-    def _drives(self, u: Array, refine: int) -> list[Params | Exception]:
-        try:
-            drive = place(self._params, self._parameters, u)
-            drive = with_links(drive, refine * drive.n_bodies) if refine > 1 else drive
-        except ValueError as error:
-            return [error] * len(self._runs)
-        return [_drive_of(run.experiment, drive) for run in self._runs]
+    def _drives(self, u: Array, refine: int) -> list[Outcome]:
+        """Return the drive of each run, or why there is none."""
 
-    def _trial(self, u: Array, done: Sequence[tuple[Array, Result | None] | Exception]) -> Trial:
-        for outcome in done:
-            if isinstance(outcome, Exception):
-                return Trial(u=u, y=np.empty(0), error=outcome)
-        good = [outcome for outcome in done if not isinstance(outcome, Exception)]
+        def placed() -> Params:
+            drive = place(self._params, self._parameters, u)
+            return with_links(drive, refine * drive.n_bodies) if refine > 1 else drive
+
+        of_all = attempt(placed, ValueError)
+        if of_all.value is None:
+            return [of_all] * len(self._runs)
+        return [
+            attempt(partial(run.experiment.drive, of_all.value), ValueError) for run in self._runs
+        ]
+
+    def _trial(self, u: Array, done: Sequence[Outcome]) -> Trial:
+        for one in done:
+            if one.status != "finished":
+                return Trial(u=u, y=np.empty(0), error=one.error or RuntimeError(one.message))
+        good = [one.value for one in done]
         return Trial(
             u=u,
             y=np.concatenate([y for y, _ in good]),
@@ -191,46 +195,37 @@ def _arrange(params: Params, targets: Sequence[Target]) -> list[_Run]:
     return runs
 
 
-def _drive_of(experiment: Experiment, drive: Params) -> Params | Exception:
-    try:
-        return experiment.drive(drive)
-    except ValueError as error:
-        return error
-
-
-def _begin(job: tuple[Experiment, Params | Exception]) -> State | Exception:
+def _begin(job: tuple[Experiment, Outcome], _before: object) -> Outcome:
+    """Return the state that runs start from."""
     experiment, drive = job
-    if isinstance(drive, Exception):
+    if drive.status != "finished":
         return drive
-    try:
-        return experiment.begin(drive)
-    except (ValueError, SimulationError) as error:
-        return error
+    return attempt(partial(experiment.begin, drive.value), (ValueError, SimulationError))
 
 
-def _simulate(
-    job: tuple[_Run, Params | Exception, State | Exception, bool],
-) -> tuple[Array, Result | None] | Exception:
+def _simulate(job: tuple[_Run, Outcome, Outcome, bool], _before: object) -> Outcome:
+    """Return the computed numbers of a run, and its result if that is to be kept."""
     run, drive, start, keep = job
-    if isinstance(drive, Exception):
-        return drive
-    if isinstance(start, Exception):
-        return start
+    if start.status != "finished" or drive.status != "finished":
+        return drive if drive.status != "finished" else start
     experiment = run.experiment
-    options: Mapping[str, Any] = experiment.options
-    try:
+
+    def simulated() -> Result:
         with silenced():
-            result = simulate(
-                drive,
+            return simulate(
+                drive.value,
                 experiment.torque_fn,
                 experiment.t_end,
                 motion=experiment.motion,
                 t_eval=run.t,
-                initial=start,
-                **options,
+                initial=start.value,
+                **experiment.options,
             )
-    except SimulationError as error:
-        return error
+
+    ran = attempt(simulated, SimulationError)
+    if ran.value is None:
+        return ran
+    result: Result = ran.value
     parts = []
     for name, target in run.targets:
         whole = target.t.shape == run.t.shape and bool((target.t == run.t).all())
@@ -239,6 +234,7 @@ def _simulate(
         if not np.isfinite(values).all():
             first = int(np.argmin(np.isfinite(values.ravel())))
             label = target.labels(name)[first]
-            return ValueError(f"{label}: the run has no value there (NaN): leave this sample out")
+            none = f"{label}: the run has no value there (NaN): leave this sample out"
+            return Outcome(status="measure", message=none, error=ValueError(none))
         parts.append(values.ravel())
-    return np.concatenate(parts), result if keep else None
+    return attrs.evolve(ran, value=(np.concatenate(parts), result if keep else None))

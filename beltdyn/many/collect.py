@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from typing import Any, NamedTuple
 
+import attrs
+import numpy as np
+
+from ..base.checks import Array
 from ..base.progress import counted
 from ..base.stopping import without_ctrl_c
 from .dispatch import Dispatch, Job
@@ -14,7 +20,37 @@ from .outcome import Outcome
 from .pools import Pool
 from .store import Kept, Store
 
-__all__ = ["Cost", "collect"]
+__all__ = ["Cost", "Each", "collect", "outcomes"]
+
+
+@attrs.frozen
+class Each:
+    """Job of runs that share nothing: a function does each, of its row and what it starts from."""
+
+    function: Callable[[Any, Array | None], Outcome]
+
+    @property
+    def settled(self) -> int:
+        """None are counted."""
+        return 0
+
+    def work(self) -> Each:
+        """Return what does the runs."""
+        return self
+
+    def run(self, row: Any, before: Array | None = None) -> Outcome:
+        """Do a run."""
+        return self.function(row, before)
+
+
+def _to_kept(outcome: Outcome) -> Kept:
+    parts = [outcome.status, outcome.message, outcome.value, outcome.final.tolist()]
+    return Kept(json.dumps(parts))
+
+
+def _of_kept(kept: Kept) -> Outcome:
+    status, message, value, final = json.loads(kept.text)
+    return Outcome(status=status, message=message, value=value, final=np.array(final))
 
 
 class Cost(NamedTuple):
@@ -35,16 +71,16 @@ class Cost(NamedTuple):
 
 def collect(
     job: Job,
-    rows: Sequence[Sequence[Any]],
-    pool: Callable[[], Pool],
+    rows: Sequence[Any],
+    pool: Callable[[], AbstractContextManager[Pool]],
     take: Callable[[int, Outcome], str],
     *,
     after: Sequence[int] = (),
     order: Callable[[list[int]], list[int]] = lambda runs: runs,
     store: str | os.PathLike[str] | None = None,
     keys: Sequence[str] = (),
-    to_kept: Callable[[Outcome], Kept],
-    of_kept: Callable[[Kept], Outcome],
+    to_kept: Callable[[Outcome], Kept] = _to_kept,
+    of_kept: Callable[[Kept], Outcome] = _of_kept,
     progress: bool = False,
     label: str = "runs",
 ) -> Cost:
@@ -59,7 +95,7 @@ def collect(
         order: In which order to do those that are to do.
         store: Folder that keeps them; with it ``keys``, a key for each run.
         keys: A run with the same key is the same run.
-        to_kept: Returns an outcome as it is kept.
+        to_kept: Returns an outcome as it is kept; without it values are those that JSON holds.
         of_kept: Returns an outcome from what was kept.
         progress: Whether to show progress on stderr.
         label: What is shown before it.
@@ -111,3 +147,29 @@ def collect(
                 with without_ctrl_c():
                     kept.flush()
     return Cost(len(todo), stored, dispatch.settled, words)
+
+
+def outcomes(
+    function: Callable[[Any, Array | None], Outcome],
+    rows: Sequence[Any],
+    pool: Callable[[], AbstractContextManager[Pool]],
+    text: Callable[[Any], str] = lambda _row: "",
+    **others: Any,
+) -> list[Outcome]:
+    """Return the outcomes of runs in their order, each of a function of its row.
+
+    Args:
+        function: Does a run, as of :class:`Each`.
+        rows: What each of them has of its own.
+        pool: Makes the workers.
+        text: Returns what to show of a run that has ended.
+        **others: Further arguments of :func:`collect`.
+    """
+    found = [Outcome(status="missing")] * len(rows)
+
+    def take(run: int, outcome: Outcome) -> str:
+        found[run] = outcome
+        return text(rows[run])
+
+    collect(Each(function), rows, pool, take, **others)
+    return found

@@ -81,7 +81,7 @@ class Dispatch:
         self,
         pool: Pool,
         job: Job,
-        rows: Sequence[Sequence[Any]],
+        rows: Sequence[Any],
         order: Sequence[int],
         after: Sequence[int],
         finals: Mapping[int, Array],

@@ -35,16 +35,19 @@ class Outcome:
         message: Why it did not finish, in one line; "".
         warnings: Warnings of the run, one in a line.
         value: What the run gave; None unless it finished.
+        error: The error in which it ended, where it is at hand.
         kernels: Level of the kernels that computed it.
         reproducible: Whether it would end so on any machine. What a torque function or a measure
             raises may be due to this one; what is refused costs nothing to refuse again.
-        final: The state at its end as numbers, if another run starts from it; else empty.
+        final: What a run that follows it starts from, such as its final state, as numbers; or
+            empty.
     """
 
     status: str
     message: str = ""
     warnings: str = ""
     value: Any = None
+    error: Exception | None = None
     kernels: str = ""
     reproducible: bool = True
     final: Array = attrs.field(factory=lambda: np.zeros(0))
@@ -78,6 +81,7 @@ def attempt(
             status="refused" if refused else "failed",
             message=name + in_line(error),
             warnings="\n".join(map(str, known_before)),
+            error=error,
             kernels=kernels,
             reproducible=of_drive,
         )

@@ -10,21 +10,18 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterable
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import nullcontext, suppress
 from importlib import import_module
 from types import TracebackType
-from typing import Any, TypeVar
+from typing import Any
 
 from ..base.checks import integer
 from ..base.optional import optional_module
 from ..base.stopping import Stopper
 
 __all__ = ["Pool", "as_bytes", "as_pool", "has_dask_client"]
-
-_Job = TypeVar("_Job")
-_Out = TypeVar("_Out")
 
 #: Wall time of a batch [s]: what it takes to hand one out is then small against it.
 _IN_THREADS, _ELSEWHERE = 0.1, 0.5
@@ -58,11 +55,6 @@ def _pickler() -> Any:
         return import_module("cloudpickle")
     except ImportError:
         return pickle
-
-
-def _call(job: bytes) -> Any:
-    work, argument = pickle.loads(job)
-    return work(argument)
 
 
 class Pool:
@@ -111,32 +103,6 @@ class Pool:
             )
         return future
 
-    def map(self, work: Callable[[_Job], _Out], jobs: Iterable[_Job]) -> list[_Out]:
-        """Return ``work(job)`` for every job, in their order.
-
-        If a job raises or Ctrl-C is pressed, the others are stopped and the exception is raised.
-
-        Raises:
-            RuntimeError: A worker process died.
-        """
-        futures: list[Future[_Out]] = []
-        try:
-            for job in jobs:
-                if self.remote:
-                    futures.append(self.submit(_call, as_bytes((work, job))))
-                else:
-                    futures.append(self.submit(work, job))
-            return [future.result() for future in futures]
-        except BaseException as error:
-            for future in futures:
-                future.cancel()
-            self.stop()
-            if not self.remote:
-                wait(futures)
-            if isinstance(error, Exception) and self.deaths(error):
-                raise RuntimeError(f"a worker process died: {error}") from error
-            raise
-
     def deaths(self, error: BaseException) -> int:
         """Return the number of worker processes that died by an error; 0: it is another error."""
         return int(isinstance(error, BrokenExecutor))
@@ -165,7 +131,8 @@ class _Threads(Pool):
 
     def __init__(self, executor: Executor | None, count: int) -> None:
         self._own = executor is None
-        super().__init__(executor or ThreadPoolExecutor(count), count, f"{count} thread(s)")
+        executor = executor or ThreadPoolExecutor(count, thread_name_prefix="beltdyn")
+        super().__init__(executor, count, f"{count} thread(s)")
         self._stopper = Stopper()
 
     def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:

@@ -83,6 +83,7 @@ class Store:
         """Return what is kept of those runs that have been written.
 
         Raises:
+            OSError: A part cannot be opened.
             ValueError: A part is damaged.
         """
         wanted = set(keys)
@@ -95,6 +96,9 @@ class Store:
                     f"store {self._path}: {part.name} cannot be read ({error}): remove it, and its "
                     "runs are done again"
                 ) from error
+            except OSError as error:
+                what = f"{error.strerror}; it is a part of the store {self._path}"
+                raise OSError(error.errno, what, error.filename) from error
         return found
 
     def add(self, key: str, kept: Kept) -> None:

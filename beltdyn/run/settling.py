@@ -140,14 +140,15 @@ def check_params(params: object) -> None:
         raise TypeError(f"params must be a Params, got {type(params).__name__}")
 
 
-def check_initial(params: Params, initial: object) -> None:
-    """Check that it is a state of a drive, or None."""
+def check_initial(params: Params | None, initial: object) -> None:
+    """Check that it is a state, of a drive if one is given, or None."""
     if initial is None:
         return
     if not isinstance(initial, State):
         hint = ", its final_state is one" if isinstance(initial, Result) else ""
         raise TypeError(f"initial must be a State or None, got {type(initial).__name__}{hint}")
-    initial.check_fits(params)
+    if params is not None:
+        initial.check_fits(params)
 
 
 def positive_or_none(name: str, value: object, unit: str) -> float:

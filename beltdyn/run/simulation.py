@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from typing import Any
 
@@ -27,6 +27,7 @@ from ..result.errors import Interrupted
 from ..result.result import Result
 from ..verification import budget as budgets
 from ..verification.quantities import OBSERVED
+from ..verification.runs import Reached
 from ..verification.verification import Verification
 from .checkpoints import Checkpoint, Fresh
 from .run import first_speed, once
@@ -217,7 +218,8 @@ def simulate(
     scene = Scene(params, torque_fn, end, motion)
     asked: dict[str, Any] = {"times": times, "expected": expected, "progress": progress}
     if budget is not None:
-        plan = _plan(budget, scene, initial, times, options)
+        run = _runner(options)
+        plan = budgets.plan(run, settle, scene, budget, initial=initial, t_eval=times)
         asked |= {"initial": plan.initial, "expected": plan.expected, "outputs": kept}
         options = attrs.evolve(options, method=plan.method, rtol=plan.rtol)
         result = once(scene._replace(params=plan.params), options, **asked)[0]
@@ -230,7 +232,8 @@ def simulate(
             return once(scene, options, outputs=kept, recorder=recorder, **asked)[0]
     if not flag("verify", verify):
         return once(scene, options, outputs=kept, **asked)[0]
-    with Verification(once, settle, scene, initial, times, options) as verification:
+    run = _runner(options)
+    with Verification(run, settle, scene, initial, times, options) as verification:
         compared = None if kept is None else chosen((*kept, *OBSERVED), ledger)
         result, begin = once(scene, options, verification.watch, outputs=compared, **asked)
         try:
@@ -241,18 +244,25 @@ def simulate(
             raise Interrupted(message, result) from error
 
 
-def _plan(
-    budget: float, scene: Scene, initial: State | None, times: Array, options: Options
-) -> budgets.Plan:
-    """Choose what to run for a budget of CPU time."""
+def _runner(options: Options) -> Callable[..., Result]:
+    """Return ``simulate`` for runs beside one, with its options but for those that are given."""
 
     def run(
-        params: Params, torque_fn: Any, end: float, *, initial: Any, t_eval: Array, **at: Any
+        params: Params,
+        torque_fn: Any,
+        end: float,
+        *,
+        motion: Any,
+        initial: State | None,
+        t_eval: Array,
+        watch: Callable[[Reached], None] | None = None,
+        outputs: tuple[str, ...] | None = None,
+        **given: Any,
     ) -> Result:
-        one, watch = Scene(params, torque_fn, end, at.pop("motion")), at.pop("watch")
-        return once(one, attrs.evolve(options, **at), watch, initial=initial, times=t_eval)[0]
+        scene, own = Scene(params, torque_fn, end, motion), attrs.evolve(options, **given)
+        return once(scene, own, watch, initial=initial, times=t_eval, outputs=outputs)[0]
 
-    return budgets.plan(run, settle, scene, budget, initial=initial, t_eval=times, options={})
+    return run
 
 
 def speeds_at_start(

@@ -16,16 +16,20 @@ import numpy as np
 
 from ..base.checks import close_to, real, shown
 from ..base.naming import label
-from ..base.run_options import Options
+from ..base.run_options import USUAL, Options
 from ..drive.parameters import Path, assign, fields, numbers, parse, read, rule_of, with_indices
 from ..drive.scene import Scene
 from ..loads.motions import CrankMotion, Motion, MotionLike, as_motions
 from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum
+from ..many.content import Place
 
-__all__ = ["OPTIONS", "Named", "ScaledFunction", "changed", "find", "in_words"]
+__all__ = ["OPTIONS", "Named", "ScaledFunction", "changed", "find", "in_words", "place"]
 
-#: Arguments of simulate that may differ between the runs of a sweep.
-OPTIONS = (*Options.rows(), "t_eval", "verify", "initial")
+#: Arguments of simulate that may differ between the runs of a sweep, with their defaults.
+OPTIONS: Mapping[str, Any] = {
+    **{name: getattr(USUAL, name) for name in Options.rows()},
+    **{"t_eval": None, "verify": False, "initial": None},
+}
 _SCALE = "scale"
 
 
@@ -72,6 +76,25 @@ def find(scene: Scene, name: object) -> Named:
         raise ValueError(f"nothing is called {name!r}{close_to(str(name), known)}")
     read(scene.params, str(name))
     return Named("params", path)
+
+
+def place(scene: Scene, name: str) -> Place:
+    """Return where a name stands in the layout of a key."""
+    root, path = find(scene, name)
+    places = [root]
+    node: Any = scene.params if root == "params" else None
+    for step in path:
+        if step == "*":
+            count = len(node)
+            places = [f"{one}[{k}]" for one in places for k in range(count)]
+            node = node[0]
+        elif isinstance(step, int):
+            places = [f"{one}[{step}]" for one in places]
+            node = node[step] if node is not None else None
+        else:
+            places = [f"{one}.{step}" for one in places]
+            node = getattr(node, str(step)) if node is not None else None
+    return Place(places, bool(path) and path[-1] == _SCALE)
 
 
 def in_words(scene: Scene, name: str) -> tuple[str, str]:

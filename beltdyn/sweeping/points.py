@@ -10,13 +10,15 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..base.checks import one_of
+from ..base.checks import one_of, shown
 from .sampling import Samples
 
 __all__ = ["RUN", "Points", "as_points"]
 
 #: The dimension of runs that are not a grid.
 RUN = "run"
+#: Integers of tables are below.
+_MOST = 2**63
 
 
 @attrs.frozen(eq=False)
@@ -85,7 +87,7 @@ def _listed(over: Sequence[Any]) -> Points:
                 f"over[{k}] must name {', '.join(names)}, as over[0] does, got "
                 f"{', '.join(map(str, point)) or 'nothing'}"
             )
-    rows = tuple(tuple(_plain(point[name]) for name in names) for point in over)
+    rows = tuple(tuple(_plain(name, point[name]) for name in names) for point in over)
     if not names:
         raise ValueError("over[0] must name at least one thing to change")
     return Points(names, (), rows, {"kind": "list"})
@@ -99,8 +101,11 @@ def _name(name: object) -> str:
     return name
 
 
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
+def _plain(name: str, value: Any) -> Any:
+    plain = value.item() if isinstance(value, np.generic) else value
+    if isinstance(plain, int) and not -_MOST <= plain < _MOST:
+        raise ValueError(f"over[{name!r}] must hold integers of 64 bits, got {shown(plain)}")
+    return plain
 
 
 def _values(name: str, values: Any) -> tuple[Any, ...]:
@@ -108,7 +113,7 @@ def _values(name: str, values: Any) -> tuple[Any, ...]:
         values = values[()]
     if isinstance(values, (str, bytes, Mapping)) or not hasattr(values, "__iter__"):
         raise TypeError(f"over[{name!r}] must be a list of values, got {values!r:.60}")
-    listed = tuple(map(_plain, values))
+    listed = tuple(_plain(name, value) for value in values)
     if not listed:
         raise ValueError(f"over[{name!r}] must hold at least one value")
     seen: set[str] = set()

@@ -9,26 +9,32 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from .. import _core, scenes
-from ..base.checks import close_to, flag, positive
+from ..base.checks import close_to, flag, positive, sample_times
 from ..base.optional import optional_module
+from ..base.run_options import Options
 from ..drive.parameters import overlap
 from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.motions import as_motions, in_core
 from ..loads.torques import Torque, as_terms
 from ..many.collect import collect
+from ..many.content import Contents
+from ..many.identity import NoKeyError, token
 from ..many.outcome import Outcome
 from ..many.pools import Pool, as_pool
-from .content import Contents
+from ..run.settling import check_initial
+from ..run.start_of_run import span
 from .dataset import Table
-from .identity import NoKeyError, token
 from .measure import Measure, as_measure
-from .names import OPTIONS, find, in_words
+from .names import OPTIONS, find, in_words, place
 from .outcomes import in_text, of_kept, to_kept
 from .points import RUN, Points, as_json, as_points
 from .work import Job
 
 __all__ = ["SweepInterrupted", "Swept", "run_sweep", "sweep"]
+
+#: Any time is before it [s].
+_LATEST = 1e300
 
 
 class SweepInterrupted(KeyboardInterrupt):
@@ -160,19 +166,8 @@ def sweep(
         RuntimeError: The executor given takes no more work.
         SweepInterrupted: Ctrl-C; ``.dataset`` holds what was done.
     """
-    return run_sweep(
-        scene,
-        over,
-        measure,
-        combine=combine,
-        executor=executor,
-        store=store,
-        warm=warm,
-        last=last,
-        progress=progress,
-        key=key,
-        **options,
-    ).dataset
+    given = dict(locals())
+    return run_sweep(**given.pop("options"), **given).dataset
 
 
 def run_sweep(
@@ -196,7 +191,7 @@ def run_sweep(
     if "t_end" in options and "t_end" not in points.names:
         base = base._replace(t_end=positive("t_end", options.pop("t_end"), "s"))
     described = _check_names(base, points)
-    _check_options(options, points)
+    _check_options(options, base, points)
     what = as_measure(measure, base.params, last)
     taken = {*points.names, RUN, "status", "message", "warnings"} & what.names
     if taken:
@@ -229,7 +224,8 @@ class _Runs:
         try:
             # runs that others start from are kept with the states at their ends
             what = token(job.measure, key) + (" chained" if max(self._after) >= 0 else "")
-            contents = Contents(job.scene, job.options, points.names, what, key)
+            places = [place(job.scene, name) for name in points.names]
+            contents = Contents(job.scene, {**OPTIONS, **job.options}, places, what, key)
             keys: list[str] = []
             for run, row in enumerate(points.rows):
                 before = keys[self._after[run]] if self._after[run] >= 0 else ""
@@ -321,7 +317,8 @@ def _check_names(scene: Scene, points: Points) -> dict[str, tuple[str, str]]:
     return {name: in_words(scene, name) for name in points.names}
 
 
-def _check_options(options: Mapping[str, Any], points: Points) -> None:
+def _check_options(options: Mapping[str, Any], scene: Scene, points: Points) -> None:
+    """Check what all runs are given, as far as it does not depend on what is swept."""
     for name in options:
         if name not in (*OPTIONS, "t_end"):
             hint = close_to(name, OPTIONS)
@@ -329,6 +326,15 @@ def _check_options(options: Mapping[str, Any], points: Points) -> None:
             raise TypeError(f"sweep takes no argument {name!r}{hint}{why}")
         if name in points.names:
             raise ValueError(f"{name} is given and swept over: leave one of them out")
+    Options(**{name: options[name] for name in Options.rows() if name in options})
+    flag("verify", options.get("verify", False))
+    initial, t_eval = options.get("initial"), options.get("t_eval")
+    swept = {find(scene, name).root for name in points.names}
+    check_initial(None if "params" in swept else scene.params, initial)
+    if t_eval is not None:
+        known = not {"t_end", "initial"} & {*points.names}
+        within = span(initial, scene.t_end) if known else (-_LATEST, _LATEST)
+        sample_times("t_eval", t_eval, *within)
 
 
 def _chains(points: Points, warm: object) -> list[int]:

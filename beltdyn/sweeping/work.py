@@ -15,12 +15,12 @@ from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.params import Params
 from ..drive.scene import Scene
+from ..many.identity import NoKeyError, token
 from ..many.outcome import Outcome, attempt, in_line
 from ..many.shared import Shared
 from ..outputs.state import State
 from ..result.result import Result
 from ..run.simulation import settle, simulate, speeds_at_start
-from .identity import NoKeyError, token
 from .measure import Measure
 from .names import changed, find
 
@@ -77,11 +77,11 @@ class Work:
         """
         prepared = attempt(lambda: self._scene(values), (TypeError, ValueError))
         if prepared.status != "finished":
-            return prepared
+            return attrs.evolve(prepared, error=None)  # which processes need not send
         drive, scene, options = prepared.value
         ran = attempt(lambda: self._simulate(values, drive, scene, options, before))
         if ran.status != "finished":
-            return ran
+            return attrs.evolve(ran, error=None)
         result: Result = ran.value
         lines = "\n".join(map(str, result.warnings))
         final = _numbers_of(result.final_state) if self.job.chained else np.zeros(0)

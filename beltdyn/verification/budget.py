@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import attrs
 
@@ -129,7 +128,6 @@ def plan(
     *,
     initial: State | None,
     t_eval: Array,
-    options: Mapping[str, Any],
     clock: Callable[[], float] = time.thread_time,
 ) -> Plan:
     """Choose the most accurate setting whose run fits into a budget, from pilot runs within it."""
@@ -146,7 +144,7 @@ def plan(
         settle,
         t_eval=t_eval if t_eval.size >= _SAMPLES and t_eval[-1] > t_eval[0] else None,
         initial=initial,
-        options={**options, "watch": watch},
+        options={"watch": watch},
         clock=clock,
     )
     pilot = Pilot(

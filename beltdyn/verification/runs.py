@@ -11,7 +11,10 @@ import numpy as np
 
 from ..base.checks import Array
 from ..base.run_warnings import silenced
+from ..drive.params import Params
 from ..drive.scene import Scene
+from ..loads.motions import in_core
+from ..loads.torques import Torque
 from ..many.shared import Shared
 from ..outputs.accuracy_report import Accuracy
 from ..outputs.state import State
@@ -19,7 +22,7 @@ from ..result.result import Result
 from .quantities import Observed, observe, with_links
 from .settings import Setting
 
-__all__ = ["Done", "Reached", "Runs", "whole_scene"]
+__all__ = ["Done", "Reached", "Runs", "apart_from", "evaluated_in_core", "whole_scene"]
 
 
 def whole_scene(value: object) -> Scene:
@@ -32,6 +35,12 @@ def whole_scene(value: object) -> Scene:
     scene = Scene(*value)
     scene.check()
     return scene
+
+
+def evaluated_in_core(scene: Scene) -> bool:
+    """Whether torques and motions are objects, which the core evaluates without Python."""
+    motions = scene.motion.values() if isinstance(scene.motion, Mapping) else ()
+    return isinstance(scene.torque_fn, Torque) and all(map(in_core, motions))
 
 
 @attrs.frozen(eq=False)
@@ -60,12 +69,14 @@ class Done:
         steps: Steps, rejected ones included.
         seen: Quantities read off it.
         accuracy: ``accuracy`` of its result.
+        apart_from: Time from which histories diverge [s], None if they do not.
     """
 
     cpu: float
     steps: int
     seen: Observed
     accuracy: Accuracy
+    apart_from: float | None = None
 
 
 class Runs:
@@ -107,27 +118,32 @@ class Runs:
         self._initial, self._clock = initial, clock
 
     def __call__(self, setting: Setting) -> Done:
-        """Simulate at a setting; no warnings are issued.
+        """Simulate at a setting, as :meth:`on`."""
+        params = with_links(self.scene.params, setting.n_bodies)
+        return self.on(params, self.start(setting.n_bodies), **setting.options)
+
+    def on(self, params: Params, initial: State | None, **options: Any) -> Done:
+        """Simulate on a mesh from a state; no warnings are issued.
 
         Raises:
             SimulationError: The run failed, or its belt did not settle.
         """
-        params = with_links(self.scene.params, setting.n_bodies)
         with silenced():
             result = self._simulate(
                 params,
                 self.scene.torque_fn,
                 self.scene.t_end,
                 motion=self.scene.motion,
-                initial=self.start(setting.n_bodies),
+                initial=initial,
                 t_eval=self.t_eval,
-                **{**self._options, **setting.options},
+                **{**self._options, **options},
             )
         return Done(
             cpu=result.stats.cpu_time,
             steps=result.stats.steps + result.stats.rejected,
             seen=observe(result, self._last),
             accuracy=result.accuracy,
+            apart_from=apart_from(result),
         )
 
     def start(self, n_bodies: int) -> State | None:
@@ -143,3 +159,9 @@ class Runs:
         state = self._settle(with_links(self.scene.params, n_bodies))
         self.settling[n_bodies] = self._clock() - begun
         return state
+
+
+def apart_from(result: Result) -> float | None:
+    """Return the time when histories begin to diverge [s], None if they do not."""
+    times = [one.t for one in result.warnings if one.code == "growth" and one.t is not None]
+    return min(times, default=None)

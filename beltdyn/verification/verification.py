@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import attrs
 import numpy as np
@@ -14,16 +14,13 @@ import numpy as np
 from .. import _core
 from ..base.checks import Array
 from ..base.run_options import Options
-from ..base.run_warnings import silenced
-from ..base.stopping import Stopper
 from ..drive.compliance import compliance_error
 from ..drive.params import Params
 from ..drive.scene import Scene
-from ..loads.motions import in_core
-from ..loads.torques import Torque
+from ..many.outcome import Outcome, attempt
+from ..many.pools import Pool, as_pool
 from ..outputs.accuracy_report import SPACE_FLOOR, TIME_FLOOR, Accuracy, QuantityError, known
 from ..outputs.state import State
-from ..result.errors import Interrupted
 from ..result.result import Result
 from .quantities import (
     HISTORIES,
@@ -34,7 +31,7 @@ from .quantities import (
     observe,
     with_links,
 )
-from .runs import Reached
+from .runs import Done, Reached, Runs, apart_from, evaluated_in_core
 from .space import space_error
 
 __all__ = ["Verification"]
@@ -63,19 +60,17 @@ JUDGED = 0.1
 
 _SPEEDS = ("vx", "vy", "vphi", "v", "p", "omega")
 
-#: Runs a scene with options; it also returns the state from which the run started.
-Run = Callable[..., tuple[Result, State]]
-Settle = Callable[..., State]
 
-
-@attrs.frozen
-class _Check:
-    """Data kept of a run that verifies another."""
+class _Check(NamedTuple):
+    """A run that verifies another, and what it is called."""
 
     name: str
-    observed: Observed
-    cpu_time: float
-    apart_from: float | None
+    done: Done
+
+
+#: Runs a scene with options, and settles a drive.
+Simulate = Callable[..., Result]
+Settle = Callable[..., State]
 
 
 class Verification:
@@ -88,38 +83,29 @@ class Verification:
 
     def __init__(
         self,
-        run: Run,
+        simulate: Simulate,
         settle: Settle,
         scene: Scene,
         initial: State | None,
         times: Array,
         options: Options,
     ) -> None:
-        self._run, self._settle = run, settle
+        self._settle = settle
         self._scene, self._params, self._initial = scene, scene.params, initial
-        self._times = times
-        self._options = attrs.evolve(options, step=None, max_steps=None, ledger=False)
+        common = {"step": None, "max_steps": None, "ledger": False, "outputs": OBSERVED}
+        self._runs = Runs(scene, simulate, settle, t_eval=times, options=common)
         self._method, self._rtol, self._step = options.method, options.rtol, options.step
-        self._notes: list[str] = []
-        self._stopper = Stopper()
-        self._pool: ThreadPoolExecutor | None = None
-        self._meshes: dict[float, Future[_Check | str]] = {}
-        self._in_time: tuple[str, Future[_Check | str]] | None = None
-        motions = scene.motion.values() if isinstance(scene.motion, Mapping) else ()
-        self._parallel = isinstance(scene.torque_fn, Torque) and all(
-            in_core(one) for one in motions
-        )
+        self._pool: Pool | None = None
+        self._meshes: dict[float, Future[Outcome]] = {}
+        self._in_time: tuple[str, Future[Outcome]] | None = None
 
     def __enter__(self) -> Verification:
-        if self._parallel:
-            self._pool = ThreadPoolExecutor(1, thread_name_prefix="beltdyn-verify")
+        if evaluated_in_core(self._scene):
+            self._pool = as_pool(1)
             # What has not begun when this thread is free is run here.
             for ratio in (COARSE, FINE):
-                self._submit_mesh(self._pool, ratio)
+                self._meshes[ratio] = self._pool.submit(self._on_mesh, ratio)
         return self
-
-    def _submit_mesh(self, pool: ThreadPoolExecutor, ratio: float) -> None:
-        self._meshes[ratio] = pool.submit(self._in_thread, self._on_mesh, ratio)
 
     def watch(self, reached: Reached) -> None:
         """Start the check in time, the longest run, as soon as its method can be chosen."""
@@ -136,10 +122,9 @@ class Verification:
         if len(methods) > 1:
             return
         method = methods.pop()
-        begun = self._pool.submit(self._in_thread, self._check_time, method, reached.start)
-        self._in_time = method, begun
+        self._in_time = method, self._pool.submit(self._check_time, method, reached.start)
         if self._meshes[FINE].cancel():
-            self._submit_mesh(self._pool, FINE)
+            self._meshes[FINE] = self._pool.submit(self._on_mesh, FINE)
 
     def __exit__(
         self,
@@ -147,9 +132,8 @@ class Verification:
         _error: BaseException | None,
         _traceback: TracebackType | None,
     ) -> None:
-        self._stopper.stop()
         if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
+            self._pool.close(ended=True)
 
     def judge(self, result: Result, start: State) -> Accuracy:
         """Return the accuracy of the run, once it has finished.
@@ -174,17 +158,10 @@ class Verification:
         before_meshes = None if left else self._time(methods, start)
         meshes = {ratio: self._mesh(ratio) for ratio in (FINE, COARSE)}
         in_time = before_meshes or self._time(methods, start)
-        checks = {
-            name: check
-            for name, check in (
-                ("time", in_time),
-                ("coarse", meshes[COARSE]),
-                ("fine", meshes[FINE]),
-            )
-            if isinstance(check, _Check)
-        }
-        notes = [check for check in (in_time, *meshes.values()) if isinstance(check, str)]
-        until = _until(result, observed, in_time, PARTED * max(self._rtol, PARTED_RTOL))
+        outcomes = {"time": in_time, "coarse": meshes[COARSE], "fine": meshes[FINE]}
+        checks = {name: one.value for name, one in outcomes.items() if one.value is not None}
+        notes = [one.message for one in (in_time, *meshes.values()) if one.value is None]
+        until = _until(result, observed, in_time.value, PARTED * max(self._rtol, PARTED_RTOL))
         errors = self._errors(observed, checks, until, before)
         complete = all(one.total is not None for one in errors if one.quantity not in HISTORIES)
         complete &= until is not None or all(one.total is not None for one in errors)
@@ -193,7 +170,7 @@ class Verification:
             verified=complete,
             errors=errors,
             until=until,
-            runs=tuple(f"{check.name}, {check.cpu_time:.2g} s CPU" for check in checks.values()),
+            runs=tuple(f"{check.name}, {check.done.cpu:.2g} s CPU" for check in checks.values()),
             notes=tuple(dict.fromkeys(notes)),
         )
 
@@ -208,12 +185,12 @@ class Verification:
         known_part = judged - observed.t[0] >= JUDGED * (observed.t[-1] - observed.t[0])
         in_time = {}
         if "time" in checks:
-            in_time = differences(observed, checks["time"].observed, judged)
+            in_time = differences(observed, checks["time"].done.seen, judged)
         of_contact = self._of_contact(observed)
         meshes = {}
         for name, ratio in (("coarse", COARSE), ("fine", FINE)):
             if name in checks:
-                meshes[name] = (self._finer(self._links(ratio)), checks[name].observed)
+                meshes[name] = (self._finer(self._links(ratio)), checks[name].done.seen)
         errors = []
         for quantity in QUANTITIES:
             time = None if "time" in checks else before[quantity].time
@@ -250,18 +227,16 @@ class Verification:
 
     # --- the runs ---
 
-    def _time(self, methods: Sequence[str], start: State) -> _Check | str:
+    def _time(self, methods: Sequence[str], start: State) -> Outcome:
         """Return the error in time by a tighter integration on the same mesh, first to finish."""
-        tried = ""
         for method in methods:
             if self._in_time is not None and self._in_time[0] == method:
                 check = self._in_time[1].result()
             else:
                 check = self._check_time(method, start)
-            if isinstance(check, _Check):
+            if check.value is not None:
                 return check
-            tried = check
-        return f"error in time not verified: {tried}"
+        return attrs.evolve(check, message=f"error in time not verified: {check.message}")
 
     def _explicit_steps(self, duration: float) -> float:
         """Return the number of steps that "tsit5" takes where stability limits them."""
@@ -274,7 +249,7 @@ class Verification:
             return ["rodas4"]
         return ["tsit5", "rodas4"]
 
-    def _check_time(self, method: str, start: State) -> _Check | str:
+    def _check_time(self, method: str, start: State) -> Outcome:
         """Integrate the same mesh again, to a tighter tolerance."""
         rtol = max(1e-12, TIGHTER * (self._rtol if self._step is None else min(self._rtol, 1e-4)))
         # Friction or contact may be stiffer than the joints: explicit steps then go nowhere.
@@ -299,22 +274,20 @@ class Verification:
             n_bodies = with_links(own, n_bodies).n_bodies
         return (n_bodies - spans) / (own.n_bodies - spans)
 
-    def _mesh(self, ratio: float) -> _Check | str:
+    def _mesh(self, ratio: float) -> Outcome:
         """Return the run on another mesh, done here unless the other thread has begun it."""
         future = self._meshes.get(ratio)
         if future is None or future.cancel():
             return self._on_mesh(ratio)
         return future.result()
 
-    def _in_thread(self, check: Callable[..., _Check | str], *what: Any) -> _Check | str:
-        with self._stopper.watch():
-            return check(*what)
-
-    def _on_mesh(self, ratio: float) -> _Check | str:
+    def _on_mesh(self, ratio: float) -> Outcome:
         n_bodies, own = self._links(ratio), self._params.n_bodies
         nodes = self._params._belt_facts["nodes"]
         if n_bodies > _core.MAX_LINKS or self._finer(n_bodies) == 1.0:
-            return f"no mesh of {ratio:g} times the {nodes} was tried"
+            return Outcome(
+                status="refused", message=f"no mesh of {ratio:g} times the {nodes} was tried"
+            )
         method, rtol, step = self._method, max(self._rtol, MESH_RTOL), self._step
         if ratio < 1.0 and step is None and method in ("auto", "tsit5"):
             method = "rodas4"  # unrelated to most of the run
@@ -322,40 +295,29 @@ class Verification:
             step *= own / n_bodies  # as its stability asks
         fixed = step if method in ("rk4", "lbdf2", "lie") else None
         name = f"{n_bodies} {nodes} with {method}" + ("" if fixed else f" at rtol = {rtol:.2g}")
-        try:
+
+        def begin() -> tuple[Params, State | None]:
             params = with_links(self._params, n_bodies)
-            start = None
-            if self._initial is not None:
-                start = _as_settled(self._initial, self._params, params, self._settle)
-                if start is None:
-                    return (
-                        "error of the mesh not verified: the initial state is given on "
-                        f"{own} {nodes}, and is not one of settle(params, ...) or its at_speed(...)"
-                    )
-        except Interrupted:
-            raise
-        except Exception as error:
-            return f"{name}: {_line(error)}"
+            if self._initial is None:
+                return params, None
+            return params, _as_settled(self._initial, self._params, params, self._settle)
+
+        begun = attempt(begin)
+        if begun.value is None:
+            return attrs.evolve(begun, message=f"{name}: {begun.message}")
+        params, start = begun.value
+        if start is None and self._initial is not None:
+            return Outcome(
+                status="refused",
+                message=f"error of the mesh not verified: the initial state is given on {own} "
+                f"{nodes}, and is not one of settle(params, ...) or its at_speed(...)",
+            )
         return self._checked(name, params, start, method=method, rtol=rtol, step=fixed)
 
-    def _checked(
-        self, name: str, params: Params, start: State | None, **options: Any
-    ) -> _Check | str:
-        """Run; errors, also of a user's function, are returned as text: the main result is kept."""
-        try:
-            with silenced():
-                result, _ = self._run(
-                    self._scene._replace(params=params),
-                    attrs.evolve(self._options, **options),
-                    initial=start,
-                    times=self._times,
-                    outputs=OBSERVED,
-                )
-            return _Check(name, observe(result), result.stats.cpu_time, _apart_from(result))
-        except Interrupted:
-            raise
-        except Exception as error:
-            return f"{name}: {_line(error)}"
+    def _checked(self, name: str, params: Params, start: State | None, **options: Any) -> Outcome:
+        """Run; errors, also of a user's function, are an outcome: the main result is kept."""
+        found = attempt(lambda: _Check(name, self._runs.on(params, start, **options)))
+        return found if found.value else attrs.evolve(found, message=f"{name}: {found.message}")
 
 
 def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -> State | None:
@@ -389,17 +351,13 @@ def _same(one: State, other: State, scale: float) -> bool:
     ) and all(np.allclose(getattr(one, name), getattr(other, name)) for name in _SPEEDS)
 
 
-def _apart_from(result: Result) -> float | None:
-    """Return the time when histories begin to diverge [s], None if they do not."""
-    times = [one.t for one in result.warnings if one.code == "growth" and one.t is not None]
-    return min(times, default=None)
-
-
-def _until(result: Result, observed: Observed, in_time: _Check | str, limit: float) -> float | None:
+def _until(
+    result: Result, observed: Observed, in_time: _Check | None, limit: float
+) -> float | None:
     """Return the time from which histories diverge, by either run or by their difference."""
-    times = [_apart_from(result)]
-    if isinstance(in_time, _Check):
-        times += [in_time.apart_from, _parting(observed, in_time.observed, limit)]
+    times = [apart_from(result)]
+    if in_time is not None:
+        times += [in_time.done.apart_from, _parting(observed, in_time.done.seen, limit)]
     return min((t for t in times if t is not None), default=None)
 
 
@@ -418,8 +376,3 @@ def _parting(a: Observed, b: Observed, limit: float) -> float | None:
 
 def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-def _line(error: BaseException) -> str:
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text[:200]}"

@@ -1,7 +1,7 @@
 """Content hash of a run: equal inputs, equal key.
 
-A scene is laid out flat, one entry for each number, by the names of :mod:`beltdyn.sweeping.names`.
-The key of a run of a sweep comes from this layout with the swept values put in, so that a run that
+A scene is laid out flat, one entry for each number, by the names that sweeps have for them. The
+key of a run of a sweep comes from this layout with the swept values put in, so that a run that
 another sweep has done already is found again.
 """
 
@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import inspect
 import numbers
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import attrs
 import numpy as np
@@ -23,11 +22,9 @@ from ..base.naming import index_of
 from ..drive.scene import Scene
 from ..loads.motions import Motion, as_motions
 from ..loads.torques import TorqueSum
-from ..run.simulation import simulate
 from .identity import token
-from .names import OPTIONS, find
 
-__all__ = ["Contents"]
+__all__ = ["Contents", "Place"]
 
 #: Raised whenever what a run gives for the same content may have changed.
 _FORMAT = 2
@@ -36,13 +33,20 @@ _DIGEST = 32  #: Bytes of a digest.
 Leaf = tuple[str, str]
 
 
+class Place(NamedTuple):
+    """Where a value stands in the layout: under these names; a factor, else 1, or the value."""
+
+    roots: list[str]
+    factor: bool
+
+
 class Contents:
-    """The keys of the runs of a sweep.
+    """The keys of many runs of a scene.
 
     Args:
         scene: The scene, common to all runs.
-        options: Options of ``simulate``, common to all runs.
-        names: Names of the values that differ.
+        options: All options of the runs, by name, common to them.
+        places: Where the values stand that differ.
         measured: Text of the measured quantities.
         key: The user's own name of what functions do.
 
@@ -54,33 +58,36 @@ class Contents:
         self,
         scene: Scene,
         options: Mapping[str, Any],
-        names: Sequence[str],
+        places: Sequence[Place],
         measured: str,
-        key: str,
+        key: str = "",
     ) -> None:
         self._of_functions = key
         self._pulleys = scene.params.pulley_names
-        self._places = [_places(scene, name) for name in names]
-        defaults = inspect.signature(simulate).parameters
-        given = {name: defaults[name].default for name in OPTIONS} | dict(options)
+        self._places = places
         leaves = [
             *self._leaves("params", scene.params),
             *self._leaves("torque", scene.torque_fn),
             *self._leaves("motion", scene.motion or None),
             *self._leaves("t_end", scene.t_end),
-            *(one for name in OPTIONS for one in self._leaves(f"option.{name}", given[name])),
+            *(one for name in options for one in self._leaves(f"option.{name}", options[name])),
         ]
-        roots = [root for places, factor in self._places if not factor for root in places]
+        roots = [root for place in places if not place.factor for root in place.roots]
         roots += [_OTHER[root] for root in roots if root in _OTHER]
         self._of_functions = ""  # functions that are swept must differ by their content
         #: What no run changes, and what those change that have a value there.
         self._base = _sum(leaf for leaf in leaves if not _within(leaf[0], roots))
         self._head = f"{_FORMAT} {_core.__version__} {_build()} {measured} {key!r}"
         if any(_within(a, [b]) for k, a in enumerate(roots) for b in roots[:k] + roots[k + 1 :]):
-            self._head += f" in the order {list(names)}"  # one is put into the other
+            self._head += f" in the order {roots}"  # one is put into the other
 
     def key(self, values: Sequence[Any], before: str = "") -> str:
-        """Return the key of a run; ``before`` is that of the run whose end it starts from."""
+        """Return the key of a run.
+
+        Args:
+            values: Its values.
+            before: What else it depends on, such as the key of the run whose end it starts from.
+        """
         total = self._base
         for (roots, factor), value in zip(self._places, values, strict=True):
             if factor and _is_one(value):
@@ -188,22 +195,3 @@ def _sum(leaves: Iterable[Leaf]) -> int:
 
 def _within(name: str, roots: Iterable[str]) -> bool:
     return any(name == root or name.startswith((f"{root}.", f"{root}[")) for root in roots)
-
-
-def _places(scene: Scene, name: str) -> tuple[list[str], bool]:
-    """Return where a name stands in the layout, and whether it is a factor, else 1."""
-    root, path = find(scene, name)
-    places = [root]
-    node: Any = scene.params if root == "params" else None
-    for step in path:
-        if step == "*":
-            count = len(node)
-            places = [f"{place}[{k}]" for place in places for k in range(count)]
-            node = node[0]
-        elif isinstance(step, int):
-            places = [f"{place}[{step}]" for place in places]
-            node = node[step] if node is not None else None
-        else:
-            places = [f"{place}.{step}" for place in places]
-            node = getattr(node, str(step)) if node is not None else None
-    return places, bool(path) and path[-1] == "scale"
