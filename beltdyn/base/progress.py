@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress
 
 __all__ = ["counted", "over_time"]
 
@@ -22,6 +23,14 @@ def _terminal(enabled: bool) -> Console | None:
     return console if console.is_terminal or console.is_jupyter else None
 
 
+def _bar(console: Console, label: str, *columns: Any) -> Progress:
+    """Return a bar that goes when it is done, with these columns to the right of it."""
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    bar, texts = BarColumn(), [TextColumn(one) if isinstance(one, str) else one for one in columns]
+    return Progress(TextColumn(label), bar, *texts, console=console, transient=True)
+
+
 @contextmanager
 def over_time(
     enabled: bool, label: str, start: float, end: float | None
@@ -31,17 +40,9 @@ def over_time(
     if console is None:
         yield lambda _time: None
         return
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import TimeRemainingColumn
 
-    bar = Progress(
-        TextColumn(label),
-        BarColumn(),
-        TextColumn("t = {task.fields[time]:.4g} s"),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-    )
-    with bar:
+    with _bar(console, label, "t = {task.fields[time]:.4g} s", TimeRemainingColumn()) as bar:
         task = bar.add_task(label, total=None if end is None else end - start, time=start)
         yield lambda now: bar.update(task, completed=now - start, time=now)
 
@@ -57,23 +58,9 @@ def counted(enabled: bool, label: str) -> Iterator[Callable[[int, int | None, st
     if console is None:
         yield lambda _done, _all, _text: None
         return
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
-    bar = Progress(
-        TextColumn(label),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[text]}"),
-        console=console,
-        transient=True,
-    )
-    with bar:
+    right = (MofNCompleteColumn(), TimeRemainingColumn(), "{task.fields[text]}")
+    with _bar(console, label, *right) as bar:
         task = bar.add_task(label, total=None, text="")
         yield lambda done, of, text: bar.update(task, completed=done, total=of, text=text)

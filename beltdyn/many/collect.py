@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from typing import Any, NamedTuple
+from typing import Any
 
 import attrs
 import numpy as np
@@ -53,7 +53,8 @@ def _of_kept(kept: Kept) -> Outcome:
     return Outcome(status=status, message=message, value=value, final=np.array(final))
 
 
-class Cost(NamedTuple):
+@attrs.frozen
+class Cost:
     """What many runs took.
 
     Attributes:

@@ -218,8 +218,7 @@ def simulate(
     scene = Scene(params, torque_fn, end, motion)
     asked: dict[str, Any] = {"times": times, "expected": expected, "progress": progress}
     if budget is not None:
-        run = _runner(options)
-        plan = budgets.plan(run, settle, scene, budget, initial=initial, t_eval=times)
+        plan = budgets.plan(_runner(options), settle, scene, budget, initial=initial, t_eval=times)
         asked |= {"initial": plan.initial, "expected": plan.expected, "outputs": kept}
         options = attrs.evolve(options, method=plan.method, rtol=plan.rtol)
         result = once(scene._replace(params=plan.params), options, **asked)[0]
@@ -232,8 +231,8 @@ def simulate(
             return once(scene, options, outputs=kept, recorder=recorder, **asked)[0]
     if not flag("verify", verify):
         return once(scene, options, outputs=kept, **asked)[0]
-    run = _runner(options)
-    with Verification(run, settle, scene, initial, times, options) as verification:
+    others = Verification(_runner(options), settle, scene, initial, times, options)
+    with closing(others) as verification:
         compared = None if kept is None else chosen((*kept, *OBSERVED), ledger)
         result, begin = once(scene, options, verification.watch, outputs=compared, **asked)
         try:

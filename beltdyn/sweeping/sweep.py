@@ -6,7 +6,9 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any
+
+import attrs
 
 from .. import _core, scenes
 from ..base.checks import close_to, flag, positive, sample_times
@@ -17,7 +19,7 @@ from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.motions import as_motions, in_core
 from ..loads.torques import Torque, as_terms
-from ..many.collect import collect
+from ..many.collect import Cost, collect
 from ..many.content import Contents
 from ..many.identity import NoKeyError, token
 from ..many.outcome import Outcome
@@ -49,24 +51,17 @@ class SweepInterrupted(KeyboardInterrupt):
         self.dataset = dataset
 
 
-class Swept(NamedTuple):
+@attrs.frozen(kw_only=True)
+class Swept(Cost):
     """A finished sweep, and its cost.
 
     Attributes:
         dataset: The results.
         counts: Runs by status.
-        computed: Runs that were computed.
-        stored: Runs that were found in the store.
-        settled: States that were settled for them.
-        workers: What computed them, in words.
     """
 
     dataset: Any
     counts: dict[str, int]
-    computed: int
-    stored: int
-    settled: int
-    workers: str
 
 
 def sweep(
@@ -255,7 +250,7 @@ class _Runs:
             progress=progress,
             label="sweep",
         )
-        return Swept(self.dataset(), self._table.counts(), *cost)
+        return Swept(**attrs.asdict(cost), dataset=self.dataset(), counts=self._table.counts())
 
     def dataset(self) -> Any:
         """Return what there is so far."""

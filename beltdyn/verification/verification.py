@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from types import TracebackType
 from typing import Any, NamedTuple
 
 import attrs
@@ -74,9 +73,9 @@ Settle = Callable[..., State]
 
 
 class Verification:
-    """The runs that verify one run, within a ``with`` block around it.
+    """The runs that verify one run, begun before it and closed after it.
 
-    On entry the other meshes begin in a second thread, if the core evaluates the torques alone, and
+    The other meshes begin in a second thread, if the core evaluates the torques alone, and
     the check in time there as well as soon as it is known by which method; functions of the user
     are called from this thread only, and their runs follow one another.
     """
@@ -98,14 +97,11 @@ class Verification:
         self._pool: Pool | None = None
         self._meshes: dict[float, Future[Outcome]] = {}
         self._in_time: tuple[str, Future[Outcome]] | None = None
-
-    def __enter__(self) -> Verification:
         if evaluated_in_core(self._scene):
             self._pool = as_pool(1)
             # What has not begun when this thread is free is run here.
             for ratio in (COARSE, FINE):
                 self._meshes[ratio] = self._pool.submit(self._on_mesh, ratio)
-        return self
 
     def watch(self, reached: Reached) -> None:
         """Start the check in time, the longest run, as soon as its method can be chosen."""
@@ -126,12 +122,8 @@ class Verification:
         if self._meshes[FINE].cancel():
             self._meshes[FINE] = self._pool.submit(self._on_mesh, FINE)
 
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _traceback: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Stop the runs that have not ended."""
         if self._pool is not None:
             self._pool.close(ended=True)
 
