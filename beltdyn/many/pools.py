@@ -21,7 +21,7 @@ from ..base.checks import integer
 from ..base.optional import optional_module
 from ..base.stopping import Stopper
 
-__all__ = ["Pool", "as_bytes", "as_pool", "has_dask_client"]
+__all__ = ["Pool", "as_bytes", "as_pool"]
 
 #: Wall time of a batch [s]: what it takes to hand one out is then small against it.
 _IN_THREADS, _ELSEWHERE = 0.1, 0.5
@@ -234,13 +234,6 @@ class _Dask(Pool):
             self._executor.shutdown(wait=not ended)
 
 
-def has_dask_client(executor: object) -> bool:
-    """Whether an object is a client of Dask (dask.distributed), which need not be installed."""
-    return type(executor).__module__.partition(".")[0] == "distributed" and hasattr(
-        executor, "get_executor"
-    )
-
-
 def as_pool(executor: object, in_python: str = "") -> Pool:
     """Make the pool of an argument ``executor``."""
     if executor is None or executor in ("threads", "processes"):
@@ -248,7 +241,8 @@ def as_pool(executor: object, in_python: str = "") -> Pool:
         if executor == "processes" or (executor is None and in_python):
             return _Processes(count)
         return _Threads(None, count)
-    if has_dask_client(executor):
+    module = type(executor).__module__.partition(".")[0]  # by name: Dask need not be installed
+    if module == "distributed" and hasattr(executor, "get_executor"):
         return _Dask(executor)
     if isinstance(executor, Executor) or hasattr(executor, "submit"):
         count = getattr(executor, "_max_workers", None) or os.cpu_count() or 1

@@ -6,12 +6,15 @@ What goes wrong in a search, and every argument that is wrong.
 from __future__ import annotations
 
 import math
+import os
 import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 import attrs
@@ -246,6 +249,26 @@ def test_runs_may_differ_and_be_done_anywhere() -> None:
     assert one.results["other"].params == changed(one.params, other)
     for two in others:
         assert (one.values, one.intervals, one.runs) == (two.values, two.intervals, two.runs)
+
+
+def test_a_fit_survives_workers_that_die(tmp_path: Path) -> None:
+    """The run is done again; one in which they always die is no point of the search."""
+    died = tmp_path / "died"
+
+    def read(result: bd.Result, always: bool = False) -> float:
+        if always or not died.exists():
+            died.touch()
+            os._exit(1)
+        return final(result)
+
+    run = bd.Experiment(bd.PiecewiseLinear([0.0], [[0.0, 3.0]]), 0.02)
+    drive, free = free_pulley(0.02), ["pulleys[1].inertia"]
+    data = [run.number(read, 2.0, t=[0.02], sigma=0.01)]
+    found = identify(drive, free, data, executor="processes")
+    assert died.exists() and found.values[free[0]] == pytest.approx(0.03, rel=1e-4)
+    data = [run.number(partial(read, always=True), 2.0, t=[0.02], sigma=0.01)]
+    with pytest.raises(RuntimeError, match="the worker process died in this run, 3 times"):
+        identify(drive, free, data, executor="processes")
 
 
 def test_a_prior_counts_like_one_more_measurement(
