@@ -5,15 +5,11 @@ Not from the paper: numbers of the size that such drives have, rounded.
 
 from __future__ import annotations
 
+import attrs
+
 from ..drive.couplings import OverrunningClutch
-from ..drive.friction import Dahl, ElasticPlastic
-from ..drive.mounts import Arm, Slider
-from ..drive.params import Params
-from ..drive.parts import Belt, Contact, Drag, Pulley
 from ..drive.scene import Scene
-from ..loads.loads import Load, SpeedTable
-from ..loads.motions import CrankMotion
-from ..loads.torques import PiecewiseLinear
+from .from_file import kept
 
 __all__ = ["conveyor", "crossed_belt", "flat_belt_axis", "serpentine", "tensioned_alternator"]
 
@@ -40,72 +36,17 @@ def serpentine(n_bodies: int = 200, decoupler: bool = False) -> Scene:
         n_bodies: Number of links.
         decoupler: Whether the alternator has an overrunning decoupler.
     """
+    scene = kept("serpentine", n_bodies)
+    if not decoupler:
+        return scene
     hub = OverrunningClutch(inertia=0.0026, stiffness=20.0, damping=0.02, clockwise=True)
-    params = Params(
-        belt=Belt(
-            n_bodies=n_bodies,
-            linear_density=0.11,
-            axial_stiffness=70e3,
-            axial_damping=2.0,
-            bending_stiffness=0.01,
-        ),
-        pulleys=[
-            Pulley(name="crank", center=(0.0, 0.0), radius=0.080, inertia=0.030),
-            Pulley(name="compressor", center=(0.265, 0.010), radius=0.060, inertia=0.0035),
-            Pulley(
-                name="alternator",
-                center=(0.275, 0.205),
-                radius=0.028,
-                inertia=0.0004 if decoupler else 0.0030,
-                coupling=hub if decoupler else None,
-            ),
-            Pulley(
-                name="idler",
-                center=(0.160, 0.190),
-                radius=0.035,
-                inertia=2.5e-4,
-                side="outside",
-                drag=Drag(coulomb=0.03, viscous=2e-5),
-            ),
-            Pulley(name="steering pump", center=(0.070, 0.335), radius=0.065, inertia=0.0025),
-            Pulley(name="water pump", center=(-0.105, 0.275), radius=0.060, inertia=0.0030),
-            Pulley(
-                name="tensioner",
-                center=(-0.085, 0.130),
-                radius=0.035,
-                inertia=2.5e-4,
-                side="outside",
-                drag=Drag(coulomb=0.03, viscous=2e-5),
-                mount=Arm(
-                    pivot=(-0.145, 0.185),
-                    inertia=2.5e-3,
-                    mass=0.15,
-                    stiffness=28.0,
-                    preload=25.0,
-                    damping=0.15,
-                    friction=3.0,
-                    stops=(-0.35, 0.5),
-                ),
-            ),
-        ],
-        friction=Dahl(mu_k=1.0, sigma=1e4),
-        gravity=(0.0, -9.81),
-    )
-    alternator = SpeedTable("alternator", [0.0, 200.0, 500.0, 1000.0], [0.0, 0.6, 1.2, 1.0])
-    loads = (
-        SpeedTable("compressor", [0.0, 100.0, 500.0], [6.0, 7.0, 8.0])
-        + alternator
-        + SpeedTable(
-            "alternator",
-            alternator.omega,
-            2.0 * alternator.torque,
-            factor=PiecewiseLinear([0.06, 0.062], [0.0, 1.0]),
-        )
-        + Load("steering pump", coulomb=1.5, viscous=3e-3)
-        + Load("water pump", quadratic=8e-6)
-    )
-    crank = CrankMotion(-314.16, orders=[2, 4], amplitudes=[5e-3, 1e-3], fade=(0.0, 0.02))
-    return Scene(params, loads, 0.12, {"crank": crank})
+    pulleys = [
+        attrs.evolve(pulley, inertia=0.0004, coupling=hub)
+        if pulley.name == "alternator"
+        else pulley
+        for pulley in scene.params.pulleys
+    ]
+    return scene._replace(params=attrs.evolve(scene.params, pulleys=pulleys))
 
 
 def tensioned_alternator(n_bodies: int = 120) -> Scene:
@@ -119,38 +60,7 @@ def tensioned_alternator(n_bodies: int = 120) -> Scene:
     Args:
         n_bodies: Number of links.
     """
-    params = Params(
-        belt=Belt(
-            n_bodies=n_bodies,
-            linear_density=0.10,
-            axial_stiffness=80e3,
-            axial_damping=1.5,
-            bending_stiffness=0.01,
-        ),
-        pulleys=[
-            Pulley(name="crank", center=(0.0, 0.0), radius=0.080, inertia=0.030),
-            Pulley(name="alternator", center=(0.300, 0.120), radius=0.035, inertia=0.003),
-            Pulley(
-                name="tensioner",
-                center=(0.170, 0.035),
-                radius=0.035,
-                inertia=3e-4,
-                side="outside",
-                mount=Arm(
-                    pivot=(0.250, -0.020),
-                    inertia=2e-3,
-                    stiffness=25.0,
-                    preload=-15.0,
-                    damping=0.1,
-                    friction=1.5,
-                ),
-            ),
-        ],
-        friction=Dahl(mu_k=0.9, sigma=1e4),
-    )
-    load = Load("alternator", coulomb=5.0, factor=PiecewiseLinear([0.2, 0.201], [0.0, 1.0]))
-    run_up = PiecewiseLinear([0.0, 0.1], [0.0, 100.0])
-    return Scene(params, load + Load("alternator", viscous=2e-3), 0.4, {"crank": run_up})
+    return kept("tensioned_alternator", n_bodies)
 
 
 def crossed_belt(n_bodies: int = 120) -> Scene:
@@ -164,23 +74,7 @@ def crossed_belt(n_bodies: int = 120) -> Scene:
     Args:
         n_bodies: Number of links.
     """
-    params = Params(
-        belt=Belt(
-            preload=300.0,
-            n_bodies=n_bodies,
-            linear_density=0.15,
-            axial_stiffness=60e3,
-            axial_damping=1.5,
-            bending_stiffness=0.01,
-        ),
-        pulleys=[
-            Pulley(name="motor", center=(0.0, 0.0), radius=0.05, inertia=0.004),
-            Pulley(name="drum", center=(0.4, 0.0), radius=0.10, inertia=0.05, side="outside"),
-        ],
-        friction=Dahl(mu_k=0.6, sigma=1e4),
-    )
-    motor = PiecewiseLinear([0.0, 0.1], [0.0, -10.0], "motor")
-    return Scene(params, motor + Load("drum", viscous=0.3), 0.5)
+    return kept("crossed_belt", n_bodies)
 
 
 def conveyor(n_bodies: int = 360) -> Scene:
@@ -196,45 +90,7 @@ def conveyor(n_bodies: int = 360) -> Scene:
     Args:
         n_bodies: Number of links.
     """
-    params = Params(
-        belt=Belt(
-            n_bodies=n_bodies,
-            linear_density=9.0,
-            axial_stiffness=1.6e6,
-            axial_damping=4e3,
-            bending_stiffness=40.0,
-            bending_damping=0.5,
-        ),
-        pulleys=[
-            Pulley(name="head", center=(12.0, 0.0), radius=0.40, inertia=60.0),
-            Pulley(
-                name="first bend", center=(8.0, -0.75), radius=0.30, inertia=8.0, side="outside"
-            ),
-            Pulley(
-                name="take-up",
-                center=(7.3, -2.3),
-                radius=0.35,
-                inertia=12.0,
-                mount=Slider(
-                    direction=(0.0, -1.0),
-                    mass=180.0,
-                    weight=900.0,
-                    friction=300.0,
-                    friction_stiffness=3e5,
-                ),
-            ),
-            Pulley(
-                name="second bend", center=(6.6, -0.75), radius=0.30, inertia=8.0, side="outside"
-            ),
-            Pulley(name="tail", center=(0.0, 0.0), radius=0.40, inertia=40.0),
-        ],
-        contact=Contact(linear=5e7, damping=2.5e4, compensate=True),
-        friction=Dahl(mu_k=0.35, sigma=300.0),
-    )
-    # Rims of 0.4 m: 5 rad/s are 2 m/s; 900 N m on the tail are 2.25 kN of resistance.
-    speed = PiecewiseLinear([0.0, 0.5, 2.5, 3.0], [0.0, -0.5, -4.5, -5.0])
-    material = Load("tail", coulomb=500.0, viscous=80.0)
-    return Scene(params, material, 5.0, {"head": speed})
+    return kept("conveyor", n_bodies)
 
 
 def flat_belt_axis(n_bodies: int = 120) -> Scene:
@@ -249,30 +105,4 @@ def flat_belt_axis(n_bodies: int = 120) -> Scene:
     Args:
         n_bodies: Number of links.
     """
-    params = Params(
-        belt=Belt(
-            preload=250.0,
-            n_bodies=n_bodies,
-            linear_density=0.04,
-            axial_stiffness=40e3,
-            axial_damping=6.0,
-            bending_stiffness=0.002,
-        ),
-        pulleys=[
-            Pulley(name="motor", center=(0.0, 0.0), radius=0.03, inertia=2e-4),
-            Pulley(
-                name="drum",
-                center=(0.3, 0.0),
-                radius=0.12,
-                inertia=0.05,
-                drag=Drag(coulomb=0.1, viscous=0.01),
-            ),
-        ],
-        friction=ElasticPlastic(mu=0.5, stiffness=1e8, damping=1e3),
-    )
-    # The carriage: 5 kg on a radius of 60 mm, taken up by the drum before the motor starts.
-    carriage = PiecewiseLinear([0.0, 0.05], [0.0, -3.0], "drum")
-    speed = PiecewiseLinear(
-        [0.1, 0.2, 0.5, 0.6, 0.8, 0.9, 1.2, 1.3], [0, 60, 60, 0, 0, -60, -60, 0]
-    )
-    return Scene(params, carriage, 1.5, {"motor": speed})
+    return kept("flat_belt_axis", n_bodies)

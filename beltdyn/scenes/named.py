@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable
 from pathlib import Path
 
+import attrs
+
 from ..base.checks import close_to
 from ..drive.friction import Dahl
-from ..drive.params import Params
-from ..drive.parts import Belt, Contact, Pulley
 from ..drive.scene import Scene
-from ..drive.tensioning import Tensioning
-from ..loads.torques import PiecewiseLinear, Viscous
+from ..loads.torques import PiecewiseLinear
+from .from_file import kept
 from .hard_scenes import SCENES as hard
 from .machines import (
     conveyor,
@@ -37,27 +36,6 @@ __all__ = [
 ]
 
 
-def _kubas_drive(sigma: float) -> Params:
-    return Params(
-        belt=Belt(
-            length=1.2,
-            n_bodies=60,
-            linear_density=0.06983,
-            axial_stiffness=61.80e3,
-            axial_damping=0.3640,
-            bending_stiffness=0.08272,
-            mesh="paper",
-        ),
-        pulleys=[
-            Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.01773),
-            Pulley(center=(0.290, 0.0), radius=0.1, inertia=0.01773),
-        ],
-        contact=Contact(quadratic=1.895e9, linear=2.926e8, damping=5322.0),
-        friction=Dahl(mu_k=0.9695, sigma=sigma),
-        tensioning=Tensioning(friction=True, shift=8.87e-4, offset={1: (1.64e-4, 0.0)}),
-    )
-
-
 def kubas_case_1() -> Scene:
     """Run the paper's drive up to 2 pi rad/s against a viscous load: case 1.
 
@@ -79,8 +57,7 @@ def kubas_case_1() -> Scene:
     the spans under this load by 9 %: they have 122 and 1118 N. The drive's own numbers, with
     ``Belt(mesh="joint")``, are 69 and 1069 N.
     """
-    torque = PiecewiseLinear([0.0, 0.3], [[0.0, 0.0], [-100.0, 0.0]])
-    return Scene(_kubas_drive(1e4), torque + Viscous([0.0, 100.0 / (2.0 * math.pi)]), 1.0)
+    return kept("kubas_case_1")
 
 
 def kubas_case_2(sigma: float = 1e4) -> Scene:
@@ -93,9 +70,13 @@ def kubas_case_2(sigma: float = 1e4) -> Scene:
     Args:
         sigma: Stiffness of the friction joint [1/m]; the paper compares 1e4 and 5e3.
     """
+    params = kubas_case_1().params
+    assert isinstance(params.friction, Dahl)
     drive = [0.0, -100.0, 100.0, 0.0]
     torque = PiecewiseLinear([0.0, 0.25, 0.75, 1.0], [[value, -value] for value in drive])
-    return Scene(_kubas_drive(sigma), torque, 1.0)
+    return Scene(
+        attrs.evolve(params, friction=attrs.evolve(params.friction, sigma=sigma)), torque, 1.0
+    )
 
 
 def three_pulleys() -> Scene:
@@ -106,28 +87,7 @@ def three_pulleys() -> Scene:
     mean tensions are right to 0.4 %; the third span swings by 11 N over the last 0.1 s, where 960
     links have 9.
     """
-    params = Params(
-        belt=Belt(
-            length=1.1945,
-            n_bodies=120,
-            linear_density=0.10,
-            axial_stiffness=80e3,
-            axial_damping=1.5,
-            bending_stiffness=0.02,
-        ),
-        pulleys=[
-            Pulley(center=(0.0, 0.0), radius=0.080, inertia=0.010),
-            Pulley(center=(0.16, 0.22), radius=0.045, inertia=0.0015),
-            Pulley(center=(0.26, -0.04), radius=0.060, inertia=0.0010),
-        ],
-        contact=Contact(quadratic=5e10, linear=5e7, damping=2.0e3, compensate=True),
-        friction=Dahl(mu_k=0.8, sigma=1e4),
-        gravity=(0.0, -9.81),
-    )
-    torque = PiecewiseLinear(
-        [0.0, 0.05, 0.25, 0.251], [[0, 0, 0], [-20, 0, 0], [-20, 0, 0], [-20, 4, 0]]
-    )
-    return Scene(params, torque + Viscous([0.30, 0.04, 0.10]), 0.5)
+    return kept("three_pulleys")
 
 
 def unequal_pulleys() -> Scene:
@@ -136,24 +96,7 @@ def unequal_pulleys() -> Scene:
     Not from the paper. The step, at 0.05 s, is a jump, on which the integrator stops; the bending
     stiffness is large enough to lift the belt where it runs on to and off the small pulley.
     """
-    params = Params(
-        belt=Belt(
-            length=1.2669,
-            n_bodies=120,
-            linear_density=0.12,
-            axial_stiffness=80e3,
-            axial_damping=1.5,
-            bending_stiffness=0.10,
-        ),
-        pulleys=[
-            Pulley(center=(0.0, 0.0), radius=0.06, inertia=0.004),
-            Pulley(center=(0.35, 0.0), radius=0.12, inertia=0.030),
-        ],
-        contact=Contact(quadratic=5e10, linear=5e7, damping=2.0e3, compensate=True),
-        friction=Dahl(mu_k=0.8, sigma=1e4),
-    )
-    torque = PiecewiseLinear([0.05, 0.05], [[0.0, 0.0], [-20.0, 0.0]])
-    return Scene(params, torque + Viscous([0.0, 2.0]), 0.4)
+    return kept("unequal_pulleys")
 
 
 def flywheel_start() -> Scene:
@@ -162,26 +105,7 @@ def flywheel_start() -> Scene:
     Not from the paper. For 0.1 s the driving torque is above what friction can transmit and the
     driving pulley slips; then the torque drops and the belt sticks again.
     """
-    params = Params(
-        belt=Belt(
-            length=1.0950,
-            n_bodies=120,
-            linear_density=0.10,
-            axial_stiffness=60e3,
-            axial_damping=1.5,
-            bending_stiffness=0.01,
-        ),
-        pulleys=[
-            Pulley(center=(0.0, 0.0), radius=0.08, inertia=0.02),
-            Pulley(center=(0.30, 0.0), radius=0.08, inertia=0.20),
-        ],
-        contact=Contact(linear=4e7, damping=1.5e3, compensate=True),
-        friction=Dahl(mu_k=0.5, sigma=1e4),
-    )
-    torque = PiecewiseLinear(
-        [0.0, 0.02, 0.12, 0.14], [[0.0, 0.0], [-70.0, 0.0], [-70.0, 0.0], [-10.0, 0.0]]
-    )
-    return Scene(params, torque, 0.4)
+    return kept("flywheel_start")
 
 
 _SCENES: dict[str, Callable[[], Scene]] = {

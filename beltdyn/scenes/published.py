@@ -2,14 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
-from ..drive.friction import ElasticPlastic
-from ..drive.params import Params
-from ..drive.parts import Belt, Contact, Drag, Pulley
 from ..drive.scene import Scene
-from ..loads.loads import Harmonics
-from ..loads.torques import PiecewiseLinear
+from .from_file import kept
 
 __all__ = ["ntarladima_2023"]
 
@@ -39,41 +33,4 @@ def ntarladima_2023(n_bodies: int = 240) -> Scene:
     Args:
         n_bodies: Number of links.
     """
-    width = 0.08
-    stress_free = 0.95
-    params = Params(
-        belt=Belt(
-            length=stress_free * 0.4 * math.pi,
-            n_bodies=n_bodies,
-            linear_density=0.8288 / stress_free,
-            axial_stiffness=8000.0 * stress_free,
-            axial_damping=1.0 * stress_free,
-            bending_stiffness=4e-3 / 3.0 * stress_free,
-        ),
-        pulleys=[
-            Pulley(center=(0.0, 0.0), radius=0.1, inertia=0.25),
-            Pulley(center=(0.1 * math.pi, 0.0), radius=0.1, inertia=0.25, drag=Drag(viscous=2.0)),
-        ],
-        contact=Contact(linear=4e9 * width / stress_free, damping=8e4 * width / stress_free),
-        friction=ElasticPlastic(
-            mu=0.5,
-            stiffness=5e9 * width / stress_free,
-            damping=3.219e5 * width / stress_free,
-        ),
-        gravity=(0.0, -9.81),
-    )
-    final, begin, end, load = 12.0, 1.0, 1.5, 25.0
-    motion = PiecewiseLinear([0.05, 0.60], [0.0, final])
-    order = 2.0 * math.pi / final
-    angle = final * (begin - 0.325)
-    at = [begin, begin, end, end]
-    rise = Harmonics(
-        1,
-        orders=[order],
-        amplitudes=[0.5 * load],
-        phases=[-order * angle],
-        of=0,
-        factor=PiecewiseLinear(at, [0.0, 1.0, 1.0, 0.0]),
-    )
-    steps = PiecewiseLinear(at, [0.0, -0.5 * load, -0.5 * load, -load], pulley=1)
-    return Scene(params, steps + rise, 2.45, {0: motion})
+    return kept("ntarladima_2023", n_bodies)

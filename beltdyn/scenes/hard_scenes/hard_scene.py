@@ -13,7 +13,7 @@ from ...outputs.state import State
 from ...result.result import Result
 from ...run.simulation import simulate
 
-__all__ = ["Entry", "HardScene"]
+__all__ = ["HardScene"]
 
 
 class HardScene(Scene):
@@ -110,31 +110,3 @@ class HardScene(Scene):
         """
         given = {"initial": self.initial(), "method": method, **self.options, **options}
         return simulate(*self, **given)
-
-
-@attrs.frozen
-class Entry:
-    """A hard scene before its drive is made, with the attributes of :class:`HardScene`.
-
-    Attributes:
-        make: Makes the scene.
-        start: Makes the state in which it starts; None: settled at rest.
-        theory: Returns the deviation of a run from theory; None: there is none.
-    """
-
-    provokes: str
-    holds: str
-    make: Callable[[], Scene]
-    start: Callable[[HardScene], State] | None = None
-    theory: Callable[[HardScene, Result], float] | None = None
-    options: dict[str, Any] = attrs.Factory(dict)
-    expects: str | None = None
-
-    def scene(self, name: str, family: str) -> HardScene:
-        """Make its drive."""
-        scene = HardScene(*self.make())
-        scene.name, scene.family = name, family
-        scene.provokes, scene.holds = self.provokes, self.holds
-        scene.options, scene.expects = dict(self.options), self.expects
-        scene._start, scene._theory = self.start, self.theory
-        return scene

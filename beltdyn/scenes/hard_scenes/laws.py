@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import attrs
 
 from ...drive.friction import (
@@ -18,26 +20,13 @@ from ...drive.friction import (
 from ...drive.scene import Scene
 from ...drive.tensioning import Tensioning
 from ...loads.torques import PiecewiseLinear
-from . import theory
 from .drives import LOCKED, pair, pulled, ramp
-from .hard_scene import Entry
 
-__all__ = ["SCENES"]
+__all__ = ["MAKE"]
 
 
 def _loaded(law: Friction, t_end: float = 0.03) -> Scene:
     return Scene(attrs.evolve(pair(), friction=law), ramp(), t_end)
-
-
-def _stiff(law: Friction, within: str, limit: str = "mu_k") -> Entry:
-    """Enter a law that develops fully within so little slip, or at so low a slip velocity."""
-    return Entry(
-        f"{type(law).__name__} friction is developed within {within}: steps that follow the "
-        "belt's waves overshoot it.",
-        f"Friction stays within its limit, |mu| <= {limit}.",
-        lambda: _loaded(law),
-        theory=theory.friction_limit,
-    )
 
 
 def _slow_slip(law: Friction, t_end: float) -> Scene:
@@ -61,81 +50,30 @@ def _tensioned_with_friction() -> Scene:
     return Scene(params, PiecewiseLinear([0.0], [0.0], 0), 0.02, {0: LOCKED, 1: LOCKED})
 
 
-SCENES: dict[str, Entry] = {
-    "sigma-1e6": _stiff(Dahl(mu_k=0.6, sigma=1e6), "0.6 um of slip"),
-    "sigma-1e7": _stiff(Dahl(mu_k=0.6, sigma=1e7), "60 nm of slip"),
-    "sigma-1e8": _stiff(Dahl(mu_k=0.6, sigma=1e8), "6 nm of slip"),
-    "sigma-tiny": Entry(
-        "Friction of sigma = 2 1/m is developed after 0.3 m of slip: code that takes "
-        "friction for its limit wherever a belt slips is far off.",
-        "mu of a link is mu_k (1 - exp(-sigma x / mu_k)) after the slip x.",
-        lambda: _loaded(Dahl(mu_k=0.6, sigma=2.0)),
-        theory=theory.dahl_curve,
+MAKE: dict[str, Callable[[], Scene]] = {
+    "sigma-1e6": lambda: _loaded(Dahl(mu_k=0.6, sigma=1e6)),
+    "sigma-1e7": lambda: _loaded(Dahl(mu_k=0.6, sigma=1e7)),
+    "sigma-1e8": lambda: _loaded(Dahl(mu_k=0.6, sigma=1e8)),
+    "sigma-tiny": lambda: _loaded(Dahl(mu_k=0.6, sigma=2.0)),
+    "mu-0": lambda: Scene(
+        attrs.evolve(pair(), friction=Frictionless()),
+        PiecewiseLinear([0.0], [-6.0], 0),
+        0.02,
     ),
-    "mu-0": Entry(
-        "Without friction the torque that a belt can transmit is zero: divisions by it.",
-        "Pulley 0 spins up as if it were alone, omega = M t / I.",
-        lambda: Scene(
-            attrs.evolve(pair(), friction=Frictionless()),
-            PiecewiseLinear([0.0], [-6.0], 0),
-            0.02,
-        ),
-        theory=theory.free_spin_up,
+    "mu-0.01": lambda: pulled(-6.0, {"friction.mu_k": 0.01}),
+    "mu-3": lambda: pulled(-34.0, {"friction.mu_k": 3.0}),
+    "stribeck-dahl": lambda: _slow_slip(Dahl(mu_k=0.3, sigma=1e5, mu_s=1.2, v_stribeck=0.03), 0.2),
+    "stribeck-coulomb": lambda: _slow_slip(
+        Coulomb(mu=0.3, v_reg=1e-4, mu_s=1.2, v_stribeck=0.03), 0.2
     ),
-    "mu-0.01": Entry(
-        "Friction of 0.01 lets every load slip in full: ratios of tensions near 1, small "
-        "differences of large forces.",
-        "ln(T_1 / T_2) = mu_k theta, to the error of the mesh.",
-        lambda: pulled(-6.0, {"friction.mu_k": 0.01}),
-        theory=theory.capstan,
-    ),
-    "mu-3": Entry(
-        "Friction of 3 could hold a ratio of tensions of 12 000: the slack span is all but "
-        "slack, and the limit of one wrap spans four decades.",
-        "The spans carry T_1 - T_2 = M / R.",
-        lambda: pulled(-34.0, {"friction.mu_k": 3.0}),
-        theory=theory.statics,
-    ),
-    "stribeck-dahl": Entry(
-        "Friction falls from 1.2 to 0.3 within 30 mm/s: it feeds vibration, and its slope has the "
-        "wrong sign for an implicit step.",
-        "Friction stays within its limit, |mu| <= mu_s.",
-        lambda: _slow_slip(Dahl(mu_k=0.3, sigma=1e5, mu_s=1.2, v_stribeck=0.03), 0.2),
-        theory=theory.friction_limit,
-    ),
-    "stribeck-coulomb": Entry(
-        "A function of the slip velocity alone that rises to 1.2 within 0.1 mm/s and falls to "
-        "0.3 within 30 mm/s: two equilibria, jumps between them.",
-        "Friction stays within its limit, |mu| <= mu_s.",
-        lambda: _slow_slip(Coulomb(mu=0.3, v_reg=1e-4, mu_s=1.2, v_stribeck=0.03), 0.2),
-        theory=theory.friction_limit,
-    ),
-    "reversal-within-a-step": Entry(
-        "The torque turns over every 20 us, the friction with it: an end point of a step knows "
-        "nothing of what happened within.",
-        "Friction stays within its limit, |mu| <= mu_k.",
-        _reversing,
-        theory=theory.friction_limit,
-    ),
-    "slip-velocity-0": Entry(
-        "Friction of 1e6 1/m at its limit, the slip velocity exactly 0, where |v| has its kink: "
-        "signs of rounding errors decide what slips.",
-        "A belt at rest under its friction stays at rest.",
-        _tensioned_with_friction,
-        theory=theory.at_rest,
-    ),
-    "coulomb-steep": _stiff(Coulomb(mu=0.6, v_reg=1e-6), "1 um/s of slip velocity", "mu"),
-    "creep-rate-steep": _stiff(CreepRate(mu=0.6, v_critical=1e-6), "1 um/s of slip velocity", "mu"),
-    "threlfall-steep": _stiff(Threlfall(mu=0.6, v_reg=1e-6), "1 um/s of slip velocity", "mu"),
-    "lugre-stiff": _stiff(
-        LuGre(mu_k=0.5, mu_s=0.6, v_stribeck=0.01, sigma=1e8), "6 nm of slip", "mu_s"
-    ),
-    "elastic-plastic-stiff": _stiff(
-        ElasticPlastic(mu=0.6, stiffness=1e13, damping=1e7), "0.3 nm of slip", "mu"
-    ),
-    "maxwell-slip-stiff": _stiff(
-        MaxwellSlip(mu=(0.2, 0.2, 0.2), stiffness=(1e7, 1e10, 1e13), damping=(1e2, 1e4, 1e7)),
-        "0.1 nm of slip in one element, 0.1 mm in another",
-        "sum of mu",
+    "reversal-within-a-step": _reversing,
+    "slip-velocity-0": _tensioned_with_friction,
+    "coulomb-steep": lambda: _loaded(Coulomb(mu=0.6, v_reg=1e-6)),
+    "creep-rate-steep": lambda: _loaded(CreepRate(mu=0.6, v_critical=1e-6)),
+    "threlfall-steep": lambda: _loaded(Threlfall(mu=0.6, v_reg=1e-6)),
+    "lugre-stiff": lambda: _loaded(LuGre(mu_k=0.5, mu_s=0.6, v_stribeck=0.01, sigma=1e8)),
+    "elastic-plastic-stiff": lambda: _loaded(ElasticPlastic(mu=0.6, stiffness=1e13, damping=1e7)),
+    "maxwell-slip-stiff": lambda: _loaded(
+        MaxwellSlip(mu=(0.2, 0.2, 0.2), stiffness=(1e7, 1e10, 1e13), damping=(1e2, 1e4, 1e7))
     ),
 }

@@ -16,14 +16,18 @@ from ...drive.mounts import Arm
 from ...loads.torques import PiecewiseLinear
 from ...outputs.histories import EnergyLedger, MountHistory
 from ...result.result import Result
+from .drives import pair
 from .hard_scene import HardScene
+from .numerics import pulling
 
 __all__ = [
+    "as_in_metres",
     "at_rest",
     "balance",
     "capstan",
     "centrifugal",
     "dahl_curve",
+    "dragged",
     "energy_falls",
     "free_spin_up",
     "friction_limit",
@@ -212,3 +216,20 @@ def rebound(scene: HardScene, result: Result) -> float:
 def balance(scene: HardScene, result: Result) -> float:
     """Check that the energy balance closes, to the 2 % from which a run warns."""
     return abs(result.stats.balance) / 2e-2
+
+
+def as_in_metres(scene: HardScene, result: Result) -> float:
+    """Compare with the forces in metres, to ten times what both were asked."""
+    size = scene.params.pulleys[0].radius / pair().pulleys[0].radius
+    metres = scene._replace(**pulling()._asdict()).run(result.stats.method, rtol=1e-5)
+    off = result.joints.force / size - metres.joints.force
+    return float(np.sqrt(np.mean(off**2)) / (1e-3 * np.mean(metres.joints.force)))
+
+
+def dragged(scene: HardScene, result: Result) -> float:
+    """Compare the drag of pulley 1 with the difference of the tensions, over the last third."""
+    part, pulley = slice(-result.t.size // 3, None), scene.params.pulleys[1]
+    drag = pulley.drag.viscous * np.mean(result.pulleys.omega[part, 1])  # type: ignore[union-attr]
+    tension = np.mean(result.span_tension[part], axis=0)
+    pull = abs(float(drag)) / pulley.radius
+    return float(abs(abs(tension[0] - tension[1]) - pull) / (MESH * pull))
