@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from textwrap import fill
-from typing import Any, TypeVar
+from typing import Any
 
 import attrs
 import click
 
 from .. import __version__, accuracy, scenes
 from ..base.checks import close_to
-from ..base.run_options import BY_BUDGET, USUAL, Options
+from ..base.run_options import BY_BUDGET
 from ..base.run_warnings import silenced
 from ..base.tables import columns
-from ..drive.parts import CHOOSE, MESHES
+from ..drive.parts import CHOOSE
 from ..drive.scene import Scene
 from ..explaining import explain
 from ..run.checkpoints import Checkpoint, Fresh
@@ -23,13 +22,12 @@ from ..run.simulation import simulate
 from ..scenes.hard_scenes import SCENES as HARD
 from ..scenes.hard_scenes import HardScene
 from ..verification.quantities import QUANTITIES
+from .command_options import PATH, QUIET_RUN, Option, options, was_given
 from .ending import BAD_INPUT, FAILED, Group, interruptible, reported, stop, warn
 from .printed import check_share, print_result, running, write
 from .written import Outputs, draw_layout, save_figure
 
 __all__ = ["main"]
-
-_Command = TypeVar("_Command", bound=Callable[..., Any])
 
 
 @click.group("beltdyn", cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
@@ -105,25 +103,6 @@ def _list_hard(family: str) -> None:
         click.echo(fill(text, 96, subsequent_indent=" " * (width + 4)))
 
 
-_mesh_option = click.option(
-    "--mesh",
-    type=click.Choice(MESHES),
-    help="The belt on this mesh in place of the scene's; the cells of ale are chosen.",
-)
-
-
-def _of_run(name: str) -> Callable[[_Command], _Command]:
-    """Return the option of the command line for an option of a run."""
-    row, default = Options.rows()[name], getattr(USUAL, name)
-    return click.option(
-        f"--{name.replace('_', '-')}",
-        type=click.Choice(row.limits) if row.kind is str else row.kind,
-        default=default,
-        show_default=default is not None,
-        help=row.text,
-    )
-
-
 def _find(scene: str, mesh: str | None) -> Scene | HardScene:
     """Return the scene of a name or a file, its belt on another mesh if one is named."""
     found = scenes.find(scene)
@@ -139,8 +118,7 @@ def _find(scene: str, mesh: str | None) -> Scene | HardScene:
 
 @main.command()
 @click.argument("scene")
-@_mesh_option
-@click.option("--plot", type=click.Path(path_type=Path), help="Draw the layout here.")
+@options("mesh", Option("plot", PATH, "Draw the layout here."))
 def show(scene: str, mesh: str | None, plot: Path | None) -> None:
     """Show the drive of SCENE before anything runs: its data, and the way of the belt.
 
@@ -164,59 +142,33 @@ def show(scene: str, mesh: str | None, plot: Path | None) -> None:
 
 @main.command()
 @click.argument("scene")
-@_mesh_option
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="Write the result here: .npz, which Result.load reads; .nc, .csv, .mat for others.",
+@options(
+    "mesh",
+    "out",
+    "plot",
+    "animate",
+    "method",
+    "rtol",
+    "step",
+    "t_end",
+    Option("verify", bool, "Run again, finer, on other meshes: print the errors."),
+    Option("error", float, "Choose method, rtol and n_bodies for this error, 0.01: 1 %."),
+    Option("quantity", click.Choice(QUANTITIES), "What --error is the error of.", "tension"),
+    Option("budget", float, "Choose the most accurate of them for this CPU time [s]."),
+    Option(
+        "outputs", str, "What to compute and keep, by comma: pulleys,span_tension,joints.force."
+    ),
+    "last",
+    Option(
+        "checkpoint",
+        PATH,
+        "Write the run here as it goes; `beltdyn resume` goes on with it after a kill.",
+    ),
+    Option("checkpoint_every", float, "Wall time between two of these writes [s].", 30.0),
+    "full",
+    "verbose",
+    QUIET_RUN,
 )
-@click.option("--plot", type=click.Path(path_type=Path), help="Write an overview figure here.")
-@click.option(
-    "--animate", type=click.Path(path_type=Path), help="Write a film (.gif, .mp4, .html)."
-)
-@_of_run("method")
-@_of_run("rtol")
-@_of_run("step")
-@click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
-@click.option("--verify", is_flag=True, help="Run again, finer, on other meshes: print the errors.")
-@click.option(
-    "--error", type=float, help="Choose method, rtol and n_bodies for this error, 0.01: 1 %."
-)
-@click.option(
-    "--quantity",
-    type=click.Choice(QUANTITIES),
-    default="tension",
-    show_default=True,
-    help="What --error is the error of.",
-)
-@click.option(
-    "--budget", type=float, help="Choose the most accurate of them for this CPU time [s]."
-)
-@click.option(
-    "--outputs", help="What to compute and keep, by comma: pulleys,span_tension,joints.force."
-)
-@click.option(
-    "--last",
-    type=float,
-    default=0.2,
-    show_default=True,
-    help="The share of the run, from its end, that the report is of: 0.2 is the last fifth.",
-)
-@click.option(
-    "--checkpoint",
-    type=click.Path(path_type=Path),
-    help="Write the run here as it goes; `beltdyn resume` goes on with it after a kill.",
-)
-@click.option(
-    "--checkpoint-every",
-    type=float,
-    default=30.0,
-    show_default=True,
-    help="Wall time between two of these writes [s].",
-)
-@click.option("--full", is_flag=True, help="Print all of the report, not its first screen.")
-@click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 @click.pass_context
 def run(
     context: click.Context,
@@ -255,25 +207,25 @@ def run(
         stop("--plot and --animate draw from all outputs: leave --outputs out", BAD_INPUT)
     names = None if outputs is None else tuple(filter(None, map(str.strip, outputs.split(","))))
     suggestion, told = None, None
-    options: dict[str, Any] = {**of_run, "budget": budget}
+    chosen: dict[str, Any] = {**of_run, "budget": budget}
     with reported("read" if checkpoint is None else "read or write"):
         if checkpoint is not None:
             asked = Checkpoint(checkpoint, checkpoint_every)
             Fresh(asked).close()  # before anything takes long
-            options["checkpoint"] = asked
+            chosen["checkpoint"] = asked
         found = _find(scene, mesh)
         if t_end is not None:
             found = found._replace(t_end=t_end)
         if isinstance(found, HardScene):
             told = found
-            options |= _of_hard(context, found, error, budget)
+            chosen |= _of_hard(context, found, error, budget)
         with running(written_to, checkpoint, lambda: found.params, told):
             if isinstance(found, HardScene):
-                options["initial"] = found.initial()
+                chosen["initial"] = found.initial()
             if error is not None:
                 suggestion = accuracy.suggest(found, error, quantity)
                 found = suggestion.scene
-                options |= suggestion.options
+                chosen |= suggestion.options
             result = simulate(
                 found.params,
                 found.torque_fn,
@@ -282,7 +234,7 @@ def run(
                 progress=not quiet,
                 verify=verify,
                 outputs=names,
-                **options,
+                **chosen,
             )
     written = write(written_to, result, checkpoint)
     if not quiet:
@@ -316,28 +268,19 @@ def _of_hard(
             f"hard/{scene.name} begins in a state of its own mesh: leave --error and --budget out",
             BAD_INPUT,
         )
-    given = context.get_parameter_source
-    return {
-        name: value
-        for name, value in scene.options.items()
-        if given(name) is not click.core.ParameterSource.COMMANDLINE
-    }
+    return {name: value for name, value in scene.options.items() if not was_given(context, name)}
 
 
 def _check_choice(context: click.Context, error: float | None, budget: float | None) -> None:
     """Stop if what --error or --budget chooses is given as well, or nothing to choose by."""
-
-    def given(name: str) -> bool:
-        return context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
-
-    if error is None and given("quantity"):
+    if error is None and was_given(context, "quantity"):
         stop("--quantity is what --error is the error of: give both, or neither", BAD_INPUT)
     for option, value in (("--error", error), ("--budget", budget)):
         if value is None:
             continue
         others = [*BY_BUDGET] + (["verify", "error"] if option == "--budget" else [])
         for name in others:
-            if given(name):
+            if was_given(context, name):
                 stop(f"{option} and --{name} must not be given together", BAD_INPUT)
 
 
@@ -346,8 +289,7 @@ def _check_checkpoint(
 ) -> None:
     """Stop if --checkpoint cannot be had, or --checkpoint-every is alone."""
     if checkpoint is None:
-        source = context.get_parameter_source("checkpoint_every")
-        if source is click.core.ParameterSource.COMMANDLINE:
+        if was_given(context, "checkpoint_every"):
             stop("--checkpoint-every is how often --checkpoint is written: give both", BAD_INPUT)
         return
     for option, given in (("--verify", verify), ("--budget", budget is not None)):
@@ -357,26 +299,18 @@ def _check_checkpoint(
 
 @main.command("accuracy")
 @click.argument("scene")
-@_mesh_option
-@click.option(
-    "--quantity",
-    type=click.Choice(QUANTITIES),
-    default="tension",
-    show_default=True,
-    help="What table and figure show the errors of.",
+@options(
+    "mesh",
+    Option(
+        "quantity", click.Choice(QUANTITIES), "What table and figure show the errors of.", "tension"
+    ),
+    Option("error", float, "Error to mark.", 1e-2),
+    Option("out", PATH, "Write all runs here (.csv)."),
+    Option("plot", PATH, "Write a figure here."),
+    Option("store", PATH, "Folder that keeps runs; those there are not repeated."),
+    Option("quick", bool, "Fewer meshes and tolerances, the beginning of long runs."),
+    "quiet",
 )
-@click.option("--error", type=float, default=1e-2, show_default=True, help="Error to mark.")
-@click.option("--out", type=click.Path(path_type=Path), help="Write all runs here (.csv).")
-@click.option("--plot", type=click.Path(path_type=Path), help="Write a figure here.")
-@click.option(
-    "--store",
-    type=click.Path(path_type=Path),
-    help="Folder that keeps runs; those there are not repeated.",
-)
-@click.option(
-    "--quick", is_flag=True, help="Fewer meshes and tolerances, the beginning of long runs."
-)
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def study_accuracy(
     scene: str,
     mesh: str | None,
@@ -398,12 +332,12 @@ def study_accuracy(
     kept = "" if store is None else f"; finished runs are in {store}"
     with reported("read or write", kept):
         found = _find(scene, mesh)
-        options: dict[str, Any] = {}
+        chosen: dict[str, Any] = {}
         with interruptible(), silenced():
             if quick:
                 whole = found.t_end
-                found, options = accuracy.quick(found)
-            study = accuracy.study(found, store=store, progress=not quiet, **options)
+                found, chosen = accuracy.quick(found)
+            study = accuracy.study(found, store=store, progress=not quiet, **chosen)
         text = f"{study}\n\n{study.table(quantity)}"
         if quick and found.t_end < whole:
             text = f"Of the first {found.t_end:.3g} of {whole:.3g} s only.\n{text}"
@@ -426,13 +360,13 @@ def study_accuracy(
 
 @main.command("explain")
 @click.argument("scene")
-@_mesh_option
-@click.option("--error", type=float, default=1e-2, show_default=True, help="Error asked for.")
-@click.option(
-    "--budget", type=float, default=30.0, show_default=True, help="CPU time for it, about [s]."
+@options(
+    "mesh",
+    Option("error", float, "Error asked for.", 1e-2),
+    Option("budget", float, "CPU time for it, about [s].", 30.0),
+    "method",
+    "t_end",
 )
-@_of_run("method")
-@click.option("--t-end", type=float, help="End of the run [s], instead of the scene's.")
 def explain_scene(
     scene: str, mesh: str | None, error: float, budget: float, method: str, t_end: float | None
 ) -> None:

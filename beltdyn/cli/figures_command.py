@@ -11,6 +11,7 @@ import click
 from ..base import files
 from ..base.run_warnings import RunWarning, distinct, silenced
 from ..result.errors import SimulationError
+from .command_options import PATH, Option, options
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
 from .written import figure_kinds, need_matplotlib
 
@@ -18,35 +19,28 @@ __all__ = ["draw_figures"]
 
 
 @click.command("figures")
-@click.option(
-    "--out",
-    "folder",
-    type=click.Path(path_type=Path),
-    required=True,
-    help="Folder to write to; made if it is not there.",
+@options(
+    Option("out", PATH, "Folder to write to; made if it is not there.", required=True),
+    Option("format", str, "Kinds of file, by comma.", "png,pdf"),
+    Option(
+        "size",
+        click.Choice(["notebook", "print"]),
+        "print: panels as wide as a journal's column.",
+        "print",
+    ),
+    "quiet",
 )
-@click.option(
-    "--format", "formats", default="png,pdf", show_default=True, help="Kinds of file, by comma."
-)
-@click.option(
-    "--size",
-    type=click.Choice(["notebook", "print"]),
-    default="print",
-    show_default=True,
-    help="print: panels as wide as a journal's column.",
-)
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
-def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
+def draw_figures(out: Path, format: str, size: str, quiet: bool) -> None:
     """Draw the paper's figures 5 to 19 from new runs, and the table of its numbers beside ours.
 
     Writes fig-05.png, fig-05.pdf and so on, and table.txt.
     """
     try:
-        _check_folder(folder)
+        _check_folder(out)
     except OSError as error:
-        stop(f"cannot write to {folder}: {error.strerror}", BAD_INPUT)
+        stop(f"cannot write to {out}: {error.strerror}", BAD_INPUT)
     need_matplotlib("beltdyn figures")
-    kinds = [kind.strip().lower().removeprefix(".") for kind in formats.split(",")]
+    kinds = [kind.strip().lower().removeprefix(".") for kind in format.split(",")]
     known = figure_kinds()
     for kind in kinds:
         if kind not in known:
@@ -55,18 +49,18 @@ def draw_figures(folder: Path, formats: str, size: str, quiet: bool) -> None:
     try:
         with interruptible():
             comparison, noticed = _write_figures(
-                folder, list(dict.fromkeys(kinds)), size, quiet, written
+                out, list(dict.fromkeys(kinds)), size, quiet, written
             )
     except SimulationError as error:
         stop(str(error), FAILED)
     except OSError as error:
-        stop(f"cannot write {error.filename or folder}: {error.strerror or error}", FAILED)
+        stop(f"cannot write {error.filename or out}: {error.strerror or error}", FAILED)
     except KeyboardInterrupt as error:
-        so_far = f"; {len(written)} files written to {folder}" if written else ""
+        so_far = f"; {len(written)} files written to {out}" if written else ""
         stop(f"{str(error) or 'interrupted'}{so_far}", INTERRUPTED)
     if not quiet:
         click.echo(comparison)
-        click.echo(f"written: {len(written)} files in {folder}")
+        click.echo(f"written: {len(written)} files in {out}")
     warn(noticed, quiet)
 
 

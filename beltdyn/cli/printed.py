@@ -31,7 +31,7 @@ def check_share(last: float) -> None:
 
 
 def _hint(checkpoint: Path | None) -> str:
-    if checkpoint is None:
+    if checkpoint is None or not checkpoint.exists():
         return ""
     return f"\ngo on with: beltdyn resume {shlex.quote(str(checkpoint))}"
 

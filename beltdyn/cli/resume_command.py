@@ -8,6 +8,7 @@ import click
 
 from ..run.checkpoints import Continued
 from ..run.resuming import resume
+from .command_options import PATH, QUIET_RUN, Option, options
 from .ending import BAD_INPUT, reported, stop, warn
 from .printed import check_share, print_result, running, write
 from .written import Outputs
@@ -16,31 +17,17 @@ __all__ = ["resume_run"]
 
 
 @click.command("resume")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    help="Write the result here: .npz, which Result.load reads; .nc, .csv, .mat for others.",
+@click.argument("file", type=PATH)
+@options(
+    "out",
+    "plot",
+    "animate",
+    "last",
+    Option("checkpoint_every", float, "Wall time between two writes of FILE [s]."),
+    "full",
+    "verbose",
+    QUIET_RUN,
 )
-@click.option("--plot", type=click.Path(path_type=Path), help="Write an overview figure here.")
-@click.option(
-    "--animate", type=click.Path(path_type=Path), help="Write a film (.gif, .mp4, .html)."
-)
-@click.option(
-    "--last",
-    type=float,
-    default=0.2,
-    show_default=True,
-    help="The share of the run, from its end, that the report is of: 0.2 is the last fifth.",
-)
-@click.option(
-    "--checkpoint-every",
-    type=float,
-    help="Wall time between two writes of FILE [s].",
-)
-@click.option("--full", is_flag=True, help="Print all of the report, not its first screen.")
-@click.option("--verbose", is_flag=True, help="Print what the integrator did, too.")
-@click.option("--quiet", is_flag=True, help="Print nothing but errors; --out keeps the warnings.")
 def resume_run(
     file: Path,
     out: Path | None,

@@ -18,6 +18,7 @@ from ..many.outcome import STATUSES
 from ..result.exported import write_netcdf
 from ..sweeping import file as sweep_file
 from ..sweeping.sweep import SweepInterrupted, Swept, run_sweep
+from .command_options import PATH, Option, options
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, reported, stop
 from .written import check_out, check_writable
 
@@ -31,16 +32,14 @@ _FEW, _COLUMNS = 12, 8
 
 
 @click.command("sweep")
-@click.argument("file", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="Results (.nc).")
-@click.option("--workers", type=int, help="How many runs at a time; one for each processor.")
-@click.option("--scheduler", help="Address of a Dask scheduler that has the workers.")
-@click.option(
-    "--store",
-    type=click.Path(path_type=Path),
-    help="Folder that keeps finished runs; else OUT.runs, until all are done.",
+@click.argument("file", type=PATH)
+@options(
+    Option("out", PATH, "Results (.nc).", required=True),
+    Option("workers", int, "How many runs at a time; one for each processor."),
+    Option("scheduler", str, "Address of a Dask scheduler that has the workers."),
+    Option("store", PATH, "Folder that keeps finished runs; else OUT.runs, until all are done."),
+    "quiet",
 )
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 def sweep_scene(
     file: Path,
     out: Path,

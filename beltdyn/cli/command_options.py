@@ -1,0 +1,96 @@
+"""The options of the commands, a row each: of a command its own, or one that several have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import click
+
+from ..base.run_options import USUAL, Options
+from ..drive.parts import MESHES
+
+__all__ = ["PATH", "QUIET_RUN", "Option", "options", "was_given"]
+
+_Command = TypeVar("_Command", bound=Callable[..., Any])
+
+PATH = click.Path(path_type=Path)
+
+
+class Option(NamedTuple):
+    """An option: its argument of the command, what it may be (bool: a flag), text and default."""
+
+    name: str
+    kind: Any
+    text: str
+    default: Any = None
+    required: bool = False
+
+    def __call__(self, command: _Command) -> _Command:
+        """Add it to a command."""
+        more: dict[str, Any] = {"is_flag": True}
+        if self.kind is not bool:
+            more = {"type": self.kind, "required": self.required}
+        if self.kind is not bool and not self.required:
+            more |= {"default": self.default, "show_default": self.default is not None}
+        name = f"--{self.name.replace('_', '-')}"
+        return click.option(name, help=self.text, **more)(command)
+
+
+def _of_run(name: str) -> Option:
+    """Return the option of the command line for an option of a run."""
+    row = Options.rows()[name]
+    kind = click.Choice(row.limits) if row.kind is str else row.kind
+    return Option(name, kind, row.text, getattr(USUAL, name))
+
+
+#: Those that several commands have.
+_SHARED = {
+    option.name: option
+    for option in (
+        *map(_of_run, ("method", "rtol", "step")),
+        Option(
+            "mesh",
+            click.Choice(MESHES),
+            "The belt on this mesh in place of the scene's; the cells of ale are chosen.",
+        ),
+        Option(
+            "out",
+            PATH,
+            "Write the result here: .npz, which Result.load reads; .nc, .csv, .mat for others.",
+        ),
+        Option("plot", PATH, "Write an overview figure here."),
+        Option("animate", PATH, "Write a film (.gif, .mp4, .html)."),
+        Option("t_end", float, "End of the run [s], instead of the scene's."),
+        Option(
+            "last",
+            float,
+            "The share of the run, from its end, that the report is of: 0.2 is the last fifth.",
+            0.2,
+        ),
+        Option("full", bool, "Print all of the report, not its first screen."),
+        Option("verbose", bool, "Print what the integrator did, too."),
+        Option("quiet", bool, "Print nothing but errors."),
+    )
+}
+
+
+#: Of commands that run one drive.
+QUIET_RUN = Option("quiet", bool, "Print nothing but errors; --out keeps the warnings.")
+
+
+def options(*rows: str | Option) -> Callable[[_Command], _Command]:
+    """Add options to a command, in this order: rows of its own, and names of shared ones."""
+
+    def decorate(command: _Command) -> _Command:
+        for row in reversed(rows):
+            command = (_SHARED[row] if isinstance(row, str) else row)(command)
+        return command
+
+    return decorate
+
+
+def was_given(context: click.Context, name: str) -> bool:
+    """Whether an option stood on the command line."""
+    return context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE
