@@ -14,6 +14,8 @@ ROOT = Path(__file__).resolve().parent.parent
 # Tests run side by side: threads of BLAS, which it starts for small matrices too, only get in their
 # way. Before anything imports NumPy.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# Without one chosen, looking at matplotlib's settings imports pyplot, which then keeps all figures.
+os.environ.setdefault("MPLBACKEND", "agg")
 sys.path[:] = [entry for entry in sys.path if Path(entry or ".").resolve() != ROOT]
 
 

@@ -395,6 +395,37 @@ def test_a_full_disk_does_not_end_the_run(
     assert same(bd.resume(path), expected)
 
 
+@pytest.mark.usefixtures("short_chunks")
+@pytest.mark.parametrize("what", ["was removed", "put in its place", "cut it short"])
+def test_a_file_that_is_lost_while_the_run_goes_on_is_named(what: str, tmp_path: Path) -> None:
+    """The run ends as without it; nothing says that it can be gone on with."""
+    scene, path = small(), tmp_path / "run"
+    done: list[float] = []
+
+    def losing(t: float, theta: Any, omega: Any) -> Any:
+        if t > 0.01 and not done:
+            done.append(t)
+            kept = path.read_bytes()
+            if what == "cut it short":
+                os.truncate(path, len(kept) // 2)
+            else:
+                path.unlink()
+            if what == "put in its place":
+                path.write_bytes(kept)
+        return torque(t, theta, omega)
+
+    def torque(t: float, theta: Any, omega: Any) -> Any:
+        return scene.torque_fn(t, theta, omega)  # type: ignore[operator]
+
+    expected = bd.simulate(scene.params, torque, scene.t_end)
+    said = rf"^checkpoint: the checkpoint {path} could not be written at t = .* s \(.*{what}\); "
+    with pytest.warns(bd.BeltdynWarning, match=said):
+        result = bd.simulate(scene.params, losing, scene.t_end, checkpoint=often(path))
+    *others, warning = result.warnings
+    assert warning.text.endswith("; the run went on, and the file cannot be gone on with")
+    assert same(attrs.evolve(result, warnings=tuple(others)), expected)
+
+
 @pytest.fixture
 def half(tmp_path: Path, writes: list[bytes]) -> Path:
     """The file of half a run of :func:`small`."""

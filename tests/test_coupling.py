@@ -503,14 +503,13 @@ def test_histories_of_couplings_are_told_apart_by_their_pulley() -> None:
 
 
 def test_speeds_are_drawn_of_shafts_and_rims() -> None:
-    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pytest.importorskip("matplotlib")
     params = two(ISOLATOR)
     result = bd.simulate(params, NO_TORQUE, 1e-3, initial=turning(params, 1.0, 2.0))
     lines = {line.get_label(): line for line in bd.plot.speeds(result).get_lines()}
     rim = lines["rim of pulley 1"]
     assert np.array_equal(rim.get_ydata(), result.couplings.rim_speed[:, 0])
     assert np.array_equal(lines["pulley 1"].get_ydata(), result.pulleys.omega[:, 1])
-    pyplot.close("all")
 
 
 @pytest.mark.parametrize("name", COUPLINGS)

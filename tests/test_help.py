@@ -57,6 +57,19 @@ def test_fields_have_the_texts_of_the_docstring(cls: type) -> None:
             assert inspect.getdoc(getattr(cls, field.name)), field.name
 
 
+@pytest.mark.parametrize("cls", CLASSES, ids=lambda cls: cls.__name__)
+def test_misspelt_fields_are_answered_with_those_that_there_are(cls: type) -> None:
+    fields = [name for name in inspect.signature(cls).parameters if name != "_cls"]
+    if not fields or not (attrs.has(cls) or hasattr(cls, "_fields")):
+        return
+    first = max(fields, key=len)
+    meant = rf"unknown field \(did you mean '{first}'\?\); the fields are {', '.join(fields)}$"
+    with pytest.raises(TypeError, match=rf"^{cls.__name__}\.{first}x: {meant}"):
+        cls(**{f"{first}x": None})
+    with pytest.raises(TypeError, match=r"positional|required"):
+        cls(*range(99))
+
+
 def test_what_notebooks_show() -> None:
     """The drive, its result, its accuracy and its modes as tables, with what print says of them."""
     params = bd.scenes.three_pulleys()[0]

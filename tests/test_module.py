@@ -288,6 +288,8 @@ def test_depth_is_the_root_of_its_equation(model):
         model.depth(radius, tension[0], speed)
     with refused(V, "speed[0, 1] must be finite, got inf"):
         model.depth(radius, tension, [[0.0, INF], [0.0, 0.0]])
+    with refused(V, "radius must be > 0 m"):
+        model.depth(0.0, 1.0, 0.0)
 
 
 def test_torques_and_prescribed_speeds_at_a_time(model):

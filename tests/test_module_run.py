@@ -460,7 +460,7 @@ def test_callables_may_return(model, rest):
         assert same_bits(final, expected), repr(answer)
 
 
-MUST = "torque_fn must return 2 torques, one per pulley"
+MUST = "torque_fn must return 2 torques, one per pulley (answering at t = 0 s)"
 
 
 class Clearing:
@@ -498,7 +498,10 @@ SHRINKING = [Clearing(), 1.0]
     ],
 )
 def test_callables_must_not_return(model, rest, answer, kind, message):
-    simulation = make_simulation(model, rest, [("call", lambda t, theta, omega: answer)])
+    def answering(t, theta, omega):
+        return answer
+
+    simulation = make_simulation(model, rest, [("call", answering)])
     with refused(kind, message):
         simulation.advance(INF)
     assert simulation.time == 0.0
@@ -525,7 +528,9 @@ def test_callables_get_plain_read_only_arrays(model, rest):
             array[0] = 1.0
     alone = make_model(centers=[(0, 0)], radii=[0.2], inertias=[0.01])
     state = {**rest, "theta": [0.0], "omega": [0.0]}
-    with refused(ValueError, "torque_fn must return 1 torque, one per pulley, got 0"):
+    with refused(
+        ValueError, "torque_fn must return 1 torque, one per pulley (<lambda> at t = 0 s), got 0"
+    ):
         end_of(alone, state, [("call", lambda *_: [])])
 
 

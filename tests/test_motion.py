@@ -416,7 +416,7 @@ def test_values_that_are_not_finite_or_of_another_kind(params: bd.Params, start:
         assert caught.value.symbol == "BD_ERR_TORQUE_VALUE"
         assert caught.value.pulley == 1
         assert caught.value.result.t.size > 10
-    message = r"^what the motion of pulley 0 returns must be a real"
+    message = r"^what the motion of pulley 0 returns \(<lambda> at t = 0 s\) must be a real"
     for wrong, initial in itertools.product((None, "1", [1.0], True, 1j), (None, start)):
         with pytest.raises(TypeError, match=message):
             run(params, initial, {0: lambda t, wrong=wrong: wrong})

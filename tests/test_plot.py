@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import attrs
@@ -379,6 +380,37 @@ def test_plot_is_found_without_an_import_and_without_pyplot(draws: str) -> None:
     assert done.stdout.splitlines()[-1] == "True False"
     with pytest.raises(AttributeError, match="no attribute 'plots'"):
         _ = bd.plots
+
+
+def test_pyplot_has_the_picture_where_it_is_in_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`plt.savefig` after a picture writes it; threads, where windows fail, are left alone."""
+    import matplotlib.pyplot as plt
+
+    params = bd.scenes.three_pulleys().params
+    try:
+        ax = bd.plot.layout(params)
+        assert plt.gcf() is ax.figure and plt.gca() is ax
+        with ThreadPoolExecutor() as pool:
+            pool.submit(bd.plot.layout, params).result()
+        assert plt.get_fignums() == [1]
+        monkeypatch.setattr(matplotlib, "get_backend", lambda: "inline")
+        bd.plot.layout(params)
+        assert plt.get_fignums() == [1]
+    finally:
+        plt.close("all")
+        del sys.modules["matplotlib.pyplot"]  # other tests draw many figures
+
+
+@pytest.mark.parametrize("name", ["speeds", "arcs", "force_along_belt", "travel"])
+def test_keywords_that_nobody_knows_are_named(name: str, mounted: bd.Result) -> None:
+    draw = getattr(bd.plot, name)
+    with pytest.raises(TypeError, match=rf"^{name} has no argument 'unit', nor has Line2D of"):
+        draw(mounted, unit="rpm")
+    with pytest.raises(TypeError, match=r"matplotlib \(did you mean 'linewidth'\?\)$"):
+        draw(mounted, linewith=2.0)
+    with pytest.raises(TypeError, match=r"aliases"):
+        draw(mounted, lw=2.0, linewidth=2.0)
+    assert draw(mounted, lw=2.5).lines[0].get_linewidth() == 2.5
 
 
 PIVOT = (0.3, -0.05)

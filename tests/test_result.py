@@ -257,6 +257,7 @@ def test_wrong_arguments_are_refused_before_anything_runs(scene: bd.Scene) -> No
         ({"rtol": 2}, V, "^rtol must be from 1e-12 to 1, got 2"),
         ({"rtol": None}, T, "^rtol must be a real number"),
         ({"step": 0.0}, V, "^step must be > 0"),
+        ({"progress": "x"}, T, "^progress must be a bool, got 'x'"),
         ({"max_step": -1e-5}, V, "^max_step must be > 0"),
         ({"max_steps": 0}, V, "^max_steps must be an integer >= 1"),
         ({"max_steps": 1e3}, T, "^max_steps must be an integer >= 1"),

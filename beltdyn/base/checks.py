@@ -26,6 +26,7 @@ __all__ = [
     "sample_times",
     "share_of_run",
     "shown",
+    "unknown_field",
 ]
 
 Array = NDArray[np.float64]
@@ -78,6 +79,13 @@ def close_to(name: str, known: Iterable[str]) -> str:
     by_lower = {one.lower(): one for one in known}
     close = difflib.get_close_matches(name.lower(), by_lower, n=1)
     return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
+
+
+def unknown_field(name: str, known: Iterable[str]) -> str:
+    """Return "unknown field", which is meant if it is misspelt, and which there are."""
+    fields = list(known)
+    there = f"the fields are {', '.join(fields)}" if fields else "there are no fields"
+    return f"unknown field{close_to(name, fields)}; {there}"
 
 
 def positive(name: str, value: object, unit: str = "1") -> float:

@@ -1,4 +1,4 @@
-"""Help texts of classes with fields: the type of each argument, the meaning of each field.
+"""Help texts of classes with fields: the type of each argument, the meaning of each field; errors.
 
 attrs takes the types of arguments from converters, which take any object, and gives fields no text.
 Types and texts stand once, in the class and in the section "Attributes" of its docstring. ``help``
@@ -10,10 +10,13 @@ from __future__ import annotations
 import inspect
 import re
 import textwrap
-from collections.abc import Iterable, Mapping
-from typing import Any, TypeVar
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
+from typing import Any, TypeVar, cast
 
 import attrs
+
+from .checks import unknown_field
 
 __all__ = ["describe", "describe_all", "listed", "units"]
 
@@ -27,11 +30,17 @@ _FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
 
 
 def describe(cls: Any) -> None:
-    """Annotate the arguments of a class with types, and its fields with texts of its docstring."""
+    """Annotate the arguments of a class with types, and its fields with texts of its docstring.
+
+    Misspelt arguments are then answered with the names that there are.
+    """
     if attrs.has(cls):
         fields = attrs.fields(cls)
         types = {one.alias: one.type for one in fields if one.init and one.type is not None}
         cls.__init__.__annotations__ = {**types, "return": None}
+        cls.__init__ = _naming_fields(  # type: ignore[method-assign]
+            cls.__init__, cls.__name__, types
+        )
         _give_texts(cls, [one.name for one in fields])
         for owner in filter(attrs.has, cls.__mro__):
             for name in vars(owner).keys() & set(_NOTES):
@@ -42,9 +51,28 @@ def describe(cls: Any) -> None:
             for name, kind in cls.__annotations__.items()
         }
         cls.__new__.__annotations__ = types
+        cls.__new__ = _naming_fields(cls.__new__, cls.__name__, types)
         texts = _texts(cls)
         for name in cls._fields:
             getattr(cls, name).__doc__ = texts.get(name)
+
+
+def _naming_fields(make: Any, cls: str, known: Iterable[str]) -> Callable[..., Any]:
+    """Return ``__init__`` or ``__new__`` of a class with an error that lists its fields."""
+    if hasattr(make, "__wrapped__"):  # described already
+        return cast(Callable[..., Any], make)
+
+    @wraps(make)
+    def checked(*args: Any, **given: Any) -> Any:
+        try:
+            return make(*args, **given)
+        except TypeError:
+            for name in given:
+                if name not in known:
+                    raise TypeError(f"{cls}.{name}: {unknown_field(name, known)}") from None
+            raise
+
+    return checked
 
 
 def describe_all(objects: Iterable[Any]) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from . import files
 
-__all__ = ["created", "errors", "opened", "written"]
+__all__ = ["Place", "created", "errors", "opened", "written"]
 
 #: Errors of the system, by the code of SQLite. Others are of what is in the file.
 _OF_SYSTEM = {
@@ -118,6 +118,29 @@ def opened(
             db.close()
             raise
     return db
+
+
+class Place:
+    """The file that stood at a path when it was last looked at: SQLite writes on where it was."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = os.fspath(path)
+        self.look()
+
+    def look(self) -> None:
+        """Note which file stands there, and its size."""
+        self._seen = os.stat(self.path)
+
+    def check(self) -> None:
+        """Raise OSError if the file has been removed, replaced or cut short since then."""
+        try:
+            now = os.stat(self.path)
+        except FileNotFoundError:
+            raise FileNotFoundError(errno.ENOENT, "it was removed", self.path) from None
+        if (now.st_dev, now.st_ino) != (self._seen.st_dev, self._seen.st_ino):
+            raise OSError(errno.ESTALE, "another file was put in its place", self.path)
+        if now.st_size < self._seen.st_size:
+            raise OSError(errno.ESTALE, "something else cut it short", self.path)
 
 
 @contextmanager

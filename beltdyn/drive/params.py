@@ -26,7 +26,7 @@ from .route import Route, route, route_at
 from .rules import Printable, Rule, instance_of, rules_of
 from .tensioning import Tensioning
 
-__all__ = ["Params"]
+__all__ = ["FIELDS", "Params"]
 
 _GRAVITY = Rule("", "gravity", "PAIR", "m/s^2", "acceleration (x, y)")
 
@@ -199,7 +199,7 @@ class Params:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # The C model is derived from the rest: rebuilt, not pickled.
-        fields = {name: getattr(self, name) for name in _FIELDS}
+        fields = {name: getattr(self, name) for name in FIELDS}
         return functools.partial(type(self), **fields), ()
 
     @property
@@ -518,4 +518,4 @@ class Params:
         return {name: given[name] for name in order if name in given}
 
 
-_FIELDS = tuple(field.name for field in attrs.fields(Params) if field.init)
+FIELDS = tuple(field.name for field in attrs.fields(Params) if field.init)

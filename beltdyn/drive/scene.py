@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from typing import Any, NamedTuple
 
-from ..base.checks import positive, shown
+from ..base.checks import positive, shown, unknown_field
 from ..base.naming import ByPulley, as_pulley, label
 from ..loads.motions import AngleTable, CrankMotion, Motion, MotionLike, as_motions, described
 from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, as_terms
 from . import toml
-from .params import Params
+from .params import FIELDS, Params
 
 __all__ = ["Scene"]
 
@@ -109,6 +109,10 @@ class Scene(NamedTuple):
 
     @classmethod
     def _from_document(cls, document: dict[str, Any]) -> Scene:
+        known = (*toml.SCENE_ONLY, "motion", *FIELDS)
+        for field in document:
+            if field not in known:
+                raise ValueError(f"{field}: {unknown_field(field, known)}")
         for field in toml.SCENE_ONLY:
             if field not in document:
                 raise ValueError(f"{field}: missing")

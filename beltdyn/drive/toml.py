@@ -20,7 +20,7 @@ import attrs
 import numpy as np
 
 from ..base import files
-from ..base.checks import Array, close_to, shown
+from ..base.checks import Array, close_to, shown, unknown_field
 from ..base.naming import PulleyLike
 from ..loads.loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
 from ..loads.motions import AngleTable, CrankMotion
@@ -193,8 +193,8 @@ def _explain(error: BaseException, path: str) -> str:
         return _explain(inner, _join(path, cast(Any, note).name))
     if isinstance(error, ForbiddenExtraKeysError):
         field = min(error.extra_fields)
-        hint = close_to(field, [known.name for known in attrs.fields(error.cl)])
-        return f"{_join(path, field)}: unknown field{hint}"
+        known = [one.name for one in attrs.fields(error.cl)]
+        return f"{_join(path, field)}: {unknown_field(field, known)}"
     if isinstance(error, KeyError):
         return f"{path}: missing"
     message = str(error)

@@ -191,8 +191,9 @@ def _why_none(ablation: Ablation, most: float) -> str:
     if all(row.cpu_time > NO_GAIN for row in small):
         return f"Nothing is gained by what may be left out at {percent(most)} or less: {named}."
     return (
-        f"By the table alone may be left out at {percent(most)} or less: {named}. Left out of "
-        "more of the run it was beyond that, or there was no time to try it."
+        f"In the window of the table each of these may be left out at an error of {percent(most)} "
+        f"or less: {named}. Over more of the run the error was larger, or there was no time to "
+        "find it."
     )
 
 

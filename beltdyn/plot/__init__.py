@@ -1,4 +1,4 @@
-"""Figures and animations of results. Needs matplotlib; nothing global is changed.
+"""Figures and animations of results. Needs matplotlib; no setting of it is changed.
 
 Each function draws one panel::
 
@@ -16,11 +16,17 @@ Each function draws one panel::
 
 It takes a :class:`beltdyn.Result`, finished or not, or the Dataset of a sweep, and ``ax=``, the
 axes to draw into (make them with ``plt.subplots(..., layout="constrained")``), and returns these
-axes. Without ``ax`` it makes a figure of its own, ``.figure`` of the returned axes, without pyplot
-and without a window. Further keywords of the functions that draw lines go to matplotlib's ``plot``:
-a ``label``, a ``color``. In axes that already hold lines, new ones take the next style, so two runs
-can be compared in one picture. Colours are those of Okabe and Ito; lines also differ by their
-dashes.
+axes. Without ``ax`` it makes a figure of its own, ``.figure`` of the returned axes::
+
+    bd.plot.speeds(result).figure.savefig("speeds.png")
+
+In a script that has imported ``matplotlib.pyplot`` that figure is pyplot's current one, so that
+``plt.savefig`` writes it and ``plt.show`` shows it; close many of them by ``plt.close``. Elsewhere,
+and in notebooks, pyplot does not know it, and no window opens.
+
+Further keywords of the functions that draw lines go to matplotlib's ``plot``: a ``label``, a
+``color``. In axes that already hold lines, new ones take the next style, so two runs can be
+compared in one picture. Colours are those of Okabe and Ito; lines also differ by their dashes.
 
 What changes fast, such as friction over slip, needs more samples than the default of 1001:
 ``t_eval=np.linspace(0, 1, 5001)``.

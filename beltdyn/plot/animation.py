@@ -100,7 +100,7 @@ def animate(
         limits=limits,
     )
     heights = [2.2, 1.0] if panel else [1.0]
-    figure = style.new_figure(6.4, (4.4 if picture.wide else 5.2) + (1.2 if panel else 0.0))
+    figure = style.own_figure(6.4, (4.4 if picture.wide else 5.2) + (1.2 if panel else 0.0))
     drive_axes, *below = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[
         :, 0
     ]

@@ -15,12 +15,14 @@ from ..outputs.quantity import QUANTITIES
 from ..result.result import Result
 from . import style
 from .labels import rows_of_names
+from .panel import passes_on
 from .picture import DrivePicture
 from .select import Indices, named_links, sample, with_samples
 
 __all__ = ["drive", "force_along_belt"]
 
 
+@passes_on()
 def force_along_belt(
     result: Result,
     t: float | None = None,
@@ -52,14 +54,12 @@ def force_along_belt(
     first = integer("first", first, 0)
     n_b = result.params.n_bodies
     ax = style.axes(ax)
-    look: dict[str, Any] = {"marker": ".", "markersize": 3, "linewidth": 0.9}
+    label = f"t = {result.t[row]:.4g} s"
+    look: dict[str, Any] = {"marker": ".", "markersize": 3, "linewidth": 0.9, "label": label}
     look |= style.line_style(style.unused(ax, len(style.COLOURS) - 1)) | {"linestyle": "-"}
-    short = {"marker": "", "markersize": "ms", "linewidth": "lw", "color": "c", "linestyle": "ls"}
-    look = {key: value for key, value in look.items() if short[key] not in line}
-    label = {"label": f"t = {result.t[row]:.4g} s"}
     flows = result.params._belt_facts["flows"]
     at = first + np.arange(n_b) - (0.0 if flows else 0.5)
-    ax.plot(at, result.joints.force[row], **(look | label | line))
+    style.draw_line(ax, at, result.joints.force[row], look, line)
     words = ("cell", "tension") if flows else ("element", "joint force")
     force = QUANTITIES["joints.force"].axis(short=words[1])
     style.dress(ax, f"{words[0]} along the belt", force)
@@ -72,7 +72,7 @@ def force_along_belt(
     elif "label" in line:
         style.legend(ax)
     else:
-        ax.set_title(label["label"], fontsize="medium")
+        ax.set_title(label, fontsize="medium")
     return ax
 
 

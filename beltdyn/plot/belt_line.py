@@ -14,7 +14,7 @@ from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
 from . import style
 from .labels import rows_of_names
-from .panel import lines, named_pulleys
+from .panel import lines, named_pulleys, passes_on
 from .select import Pulleys, sample, with_samples
 
 __all__ = ["arcs", "tension_along"]
@@ -23,6 +23,7 @@ __all__ = ["arcs", "tension_along"]
 _PER_LINK = 4
 
 
+@passes_on()
 def tension_along(
     result: Result,
     t: float | Iterable[float] | None = None,
@@ -81,6 +82,7 @@ def _shade(ax: Axes, result: Result, found: AlongBelt) -> None:
     rows_of_names(ax, found.wraps.mean(axis=1), names)
 
 
+@passes_on()
 def arcs(
     result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
-from .panel import panel
+from .panel import panel, passes_on
 from .select import Indices, choice, indices, with_samples
 
 __all__ = ["contact_forces", "friction_coefficient", "relative_velocity"]
@@ -20,6 +20,7 @@ __all__ = ["contact_forces", "friction_coefficient", "relative_velocity"]
 _FORCES = ("normal", "friction")
 
 
+@passes_on()
 def contact_forces(
     result: Result,
     link: Indices,
@@ -60,6 +61,7 @@ def contact_forces(
     return panel(ax, curves, line, y=QUANTITIES["contact.normal"].axis(short="contact force"))
 
 
+@passes_on()
 def friction_coefficient(
     result: Result, link: Indices, *, against: str = "time", ax: Axes | None = None, **line: Any
 ) -> Axes:
@@ -87,6 +89,7 @@ def friction_coefficient(
     return _in_contact(result, link, "contact.mu", against, ax, line)
 
 
+@passes_on()
 def relative_velocity(
     result: Result, link: Indices, *, ax: Axes | None = None, **line: Any
 ) -> Axes:

@@ -10,7 +10,7 @@ from ..base.naming import span_name
 from ..outputs.quantity import SPANS
 from ..result.result import Result
 from . import style
-from .panel import named_pulleys, over_time
+from .panel import named_pulleys, over_time, passes_on
 from .select import Indices, Pulleys, indices, with_samples
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
 ]
 
 
+@passes_on()
 def speeds(
     result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:
@@ -53,6 +54,7 @@ def speeds(
     return over_time(result, "pulleys.omega", columns, ax, line, more=rims)
 
 
+@passes_on()
 def torques(
     result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:
@@ -71,6 +73,7 @@ def torques(
     return over_time(result, "pulleys.torque", named_pulleys(result, pulleys), ax, line)
 
 
+@passes_on()
 def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
     """Draw the mean tension of each free span over time; gaps where a span has no joint.
 
@@ -89,6 +92,7 @@ def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axe
     return over_time(result, SPANS, columns, ax, line)
 
 
+@passes_on()
 def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any) -> Axes:
     """Draw the force along joints (2.2) over time: Figs 8b and 15 of the paper.
 
@@ -106,6 +110,7 @@ def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **lin
     return over_time(result, "joints.force", _joints(result, joint), ax, line)
 
 
+@passes_on()
 def joint_deformation(
     result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any
 ) -> Axes:

@@ -169,7 +169,7 @@ def animate_mode(
     """
     k = integer("k", k, 0, len(modes) - 1)
     frames = max(2, round(positive("duration", duration, "s") * positive("fps", fps, "1/s")))
-    figure = style.new_figure(height=_height(modes))
+    figure = style.own_figure(height=_height(modes))
     ax = figure.add_subplot()
     picture = _ModePicture(ax, modes, k, positive("scale", scale, "1"))
     (belt,) = ax.plot(*picture.belt(1.0), lw=1.8, color=style.COLOURS[0])

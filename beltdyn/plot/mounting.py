@@ -11,9 +11,10 @@ from matplotlib.axes import Axes
 
 from ..base.checks import Array
 from ..drive.parts import Pulley
-from ..outputs.quantity import TIME
 from ..result.result import Result
 from . import style
+from .panel import panel, passes_on
+from .select import with_samples
 
 __all__ = ["MountPicture", "travel"]
 
@@ -65,6 +66,7 @@ class MountPicture:
         return np.concatenate([np.empty((0, 2)), *held])
 
 
+@passes_on()
 def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
     """Draw the travel of arms and sliders over time, from the places of the drive.
 
@@ -72,24 +74,21 @@ def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
     prescribed and left out.
 
     Args:
-        result: A run of a drive with mounts.
+        result: A run of a drive with mounts, with at least one sample.
         ax: Axes to draw into; None: those of a new figure.
         **line: Passed to ``plot``.
 
     Raises:
-        ValueError: The drive has no arm and no slider.
+        TypeError, ValueError: An argument breaks its rule; the drive has no arm and no slider.
     """
-    params = result.params
+    params = with_samples(result).params
     moving = [(m, k, *mount._row.shown) for m, k, mount in params._moving]
     if result.mounts is None or not moving:
         raise ValueError("no pulley of this drive is on an arm or a slider")
-    ax = style.axes(ax)
     units = sorted({unit for *_, unit in moving})
+    curves = []
     for m, k, factor, unit in moving:
-        way = factor * result.mounts.travel[:, m]
         name = style.plain(result.pulleys.names[k])
         label = name if len(units) == 1 else f"{name} [{unit}]"
-        ax.plot(result.t, way, **({"label": label} | style.line_style(k) | {"lw": 1.2} | line))
-    style.dress(ax, TIME.axis(), f"travel from the drawn place [{', '.join(units)}]")
-    style.legend(ax)
-    return ax
+        curves.append((k, label, result.t, factor * result.mounts.travel[:, m]))
+    return panel(ax, curves, line, y=f"travel from the drawn place [{', '.join(units)}]")

@@ -2,21 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Sequence
+from functools import wraps
+from inspect import signature
+from typing import Any, ParamSpec, TypeVar
 
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
-from ..base.checks import Array
+from ..base.checks import Array, close_to
 from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
 from . import style
 from .select import Pulleys, pulley_indices
 
-__all__ = ["Curve", "lines", "named_pulleys", "over_time", "panel"]
+__all__ = ["Curve", "lines", "named_pulleys", "over_time", "panel", "passes_on"]
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
 
 #: The number of its style, its name, x and y.
 Curve = tuple[int, str, Array, Array]
+
+
+def passes_on(
+    *artists: type, to: Sequence[Callable[..., Any]] = (Axes.plot,)
+) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
+    """Refuse keywords of a function that matplotlib, to which they go, does not know either."""
+    setters = {name[4:] for one in artists or (Line2D,) for name in dir(one) if name[:4] == "set_"}
+    theirs = setters.union(*(signature(one).parameters for one in to)) - {"args", "kwargs", "self"}
+
+    def decorate(draw: Callable[_P, _R]) -> Callable[_P, _R]:
+        known = [name for name in signature(draw).parameters]
+
+        @wraps(draw)
+        def checked(*args: _P.args, **given: _P.kwargs) -> _R:
+            for name in given:
+                if name not in known and name not in theirs:
+                    what = " and ".join(one.__name__ for one in artists or (Line2D,))
+                    raise TypeError(
+                        f"{draw.__name__} has no argument {name!r}, nor has {what} of matplotlib"
+                        f"{close_to(name, [*known, *theirs])}"
+                    )
+            return draw(*args, **given)
+
+        return checked
+
+    return decorate
 
 
 def lines(ax: Axes, curves: Iterable[Curve], given: dict[str, Any]) -> None:
@@ -30,10 +62,7 @@ def lines(ax: Axes, curves: Iterable[Curve], given: dict[str, Any]) -> None:
         if "label" in given and len(chosen) > 1 and label is not None:
             label = f"{label}, {name}"
         look = style.line_style(style.unused(ax, k)) | {"linewidth": 1.2}
-        # matplotlib knows some keywords by two names.
-        short = {"color": "c", "linestyle": "ls", "linewidth": "lw"}
-        look = {key: value for key, value in look.items() if short[key] not in given}
-        ax.plot(x, y, **(look | given | {"label": label}))
+        style.draw_line(ax, x, y, look, given | {"label": label})
 
 
 def panel(

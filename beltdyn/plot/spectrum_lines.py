@@ -19,7 +19,7 @@ from ..result.result import Result
 from ..spectra import Spectrogram, Spectrum, folded, speed_spectra
 from ..spectra import spectrum as spectrum_of
 from . import style
-from .panel import lines
+from .panel import lines, passes_on
 from .select import with_samples
 
 __all__ = ["campbell", "spectrum"]
@@ -35,6 +35,7 @@ _DECADES = 2.0
 _STILL, _SLICES = 1e-3, 3
 
 
+@passes_on()
 def spectrum(
     result: Result,
     output: str = "span_tension",

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import io
+import sys
+import threading
 from collections.abc import Sequence
 from typing import Any
 
+import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cbook import normalize_kwargs
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import LayoutEngine
+from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox, ScaledTranslation
 
 from ..base.checks import Array
@@ -27,12 +32,14 @@ __all__ = [
     "OwnFigure",
     "add_headroom",
     "axes",
+    "draw_line",
     "dress",
     "height_to_scale",
     "legend",
     "legend_below",
     "line_style",
     "new_figure",
+    "own_figure",
     "plain",
     "room_below",
     "set_title_within",
@@ -76,9 +83,23 @@ class OwnFigure(Figure):
         return file.getvalue()
 
 
+def own_figure(width: float = 6.4, height: float = 4.0) -> OwnFigure:
+    """Make a figure that pyplot does not know [inch]."""
+    return OwnFigure(figsize=(width, height), layout="constrained")
+
+
 def new_figure(width: float = 6.4, height: float = 4.0, dpi: float | None = None) -> OwnFigure:
-    """Make a figure without pyplot [inch]."""
-    return OwnFigure(figsize=(width, height), dpi=dpi, layout="constrained")
+    """Make a figure [inch]; where pyplot is in use it is also pyplot's current one.
+
+    Not in notebooks, which show figures by themselves, nor in threads, where windows do not work.
+    """
+    pyplot: Any = sys.modules.get("matplotlib.pyplot")
+    in_use = hasattr(pyplot, "figure") and threading.current_thread() is threading.main_thread()
+    look: dict[str, Any] = {"figsize": (width, height), "dpi": dpi, "layout": "constrained"}
+    if not in_use or "inline" in matplotlib.get_backend():
+        return OwnFigure(**look)
+    figure: OwnFigure = pyplot.figure(FigureClass=OwnFigure, **look)
+    return figure
 
 
 def plain(name: str) -> str:
@@ -109,6 +130,13 @@ def height_to_scale(extent: Array, beside: float, below: float) -> float:
 def line_style(k: int) -> dict[str, Any]:
     """Return colour and dashes of the k-th line."""
     return {"color": COLOURS[k % len(COLOURS)], "linestyle": DASHES[k % len(DASHES)]}
+
+
+def draw_line(
+    ax: Axes, x: Any, y: Any, look: dict[str, Any], given: dict[str, Any]
+) -> list[Line2D]:
+    """Draw lines; what the user has given, by any of matplotlib's names, goes before ``look``."""
+    return ax.plot(x, y, **(normalize_kwargs(look, Line2D) | normalize_kwargs(given, Line2D)))
 
 
 def tint(k: int) -> tuple[float, float, float, float]:

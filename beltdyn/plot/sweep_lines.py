@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..base.checks import Array, close_to, shown
 from . import style, swept
+from .panel import passes_on
 
 __all__ = ["lines"]
 
@@ -52,6 +53,7 @@ class _By(NamedTuple):
     ranks: Any
 
 
+@passes_on()
 def lines(
     dataset: Any,
     quantity: str,
@@ -137,10 +139,7 @@ def _plot(
             x[good], y[good], c=colour[good], s=size**2, marker=marker, linewidths=line, **words
         )
         return
-    short = {"linewidth": "lw", "color": "c", "linestyle": "ls", "markersize": "ms"}
-    own = {key: value for key, value in look.items() if short.get(key, key) not in given}
-    own |= {} if "c" in given else {"color": colour}
-    ax.plot(x, y, **(own | given))
+    style.draw_line(ax, x, y, look | {"color": colour}, given)
 
 
 # --- what is drawn over what ---------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.collections import PatchCollection
+from matplotlib.collections import PatchCollection, PathCollection, QuadMesh
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
@@ -17,12 +17,14 @@ from matplotlib.ticker import MaxNLocator
 
 from ..base.checks import close_to, integer, real_array, shown
 from . import style, swept
+from .panel import passes_on
 
 __all__ = ["map"]
 
 _FAILED_FACE, _FAILED_EDGE = "0.93", "0.45"
 
 
+@passes_on(QuadMesh, PathCollection, to=(Axes.pcolormesh, Axes.scatter))
 def map(
     dataset: Any,
     quantity: str,

@@ -136,6 +136,8 @@ class Recorder:
         self._up_to: float | None = None  # time [s]
         self._due = 0.0
         self._failures: list[tuple[float, str]] = []
+        self._place: sqlite.Place | None = None
+        self._lost = False
 
     def begin(
         self, sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], start: Start
@@ -180,7 +182,9 @@ class Recorder:
     @property
     def hint(self) -> str:
         """How to go on; "" if nothing is in the file."""
-        return "" if self._db is None else f"go on with beltdyn.resume({self.path!r})"
+        if self._db is None or self._lost:
+            return ""
+        return f"go on with beltdyn.resume({self.path!r})"
 
     @property
     def warnings(self) -> tuple[RunWarning, ...]:
@@ -194,6 +198,8 @@ class Recorder:
             if self._up_to is None
             else f"holds the run up to t = {self._up_to:.6g} s"
         )
+        if self._lost:
+            holds = "cannot be gone on with"
         text = (
             f"the checkpoint {self.path} could not be written at t = {t:.6g} s{often} ({why}); the "
             f"run went on, and the file {holds}"
@@ -206,8 +212,14 @@ class Recorder:
 
     def _write(self) -> None:
         """Write the kept record and the samples before it, if it is not there already."""
-        kept, db = self._kept, self._db
-        if kept is None or db is None:
+        kept, db, place = self._kept, self._db, self._place
+        if kept is None or db is None or place is None:
+            return
+        try:
+            place.check()
+        except OSError as error:
+            self._failures.append((kept.t, str(error.strerror)))
+            self._lost, self._writes = True, False
             return
         try:
             with sqlite.written(db, self.path):
@@ -225,6 +237,7 @@ class Recorder:
             self._failures.append((kept.t, why or str(error)))
         else:
             self._written, self._up_to, self._kept = kept.samples, kept.t, None
+            place.look()
         self._due = time.perf_counter() + self.every
 
     @property
@@ -276,7 +289,10 @@ class Fresh(Recorder):
         """
         with sqlite.created(self.path, _TABLES) as db:
             _add(db, _HEAD, -1, start_of_run.pack(start, self.every))
-        self._db = sqlite.opened(self.path, _TABLES, write=True)
+        self._db, self._place = (
+            sqlite.opened(self.path, _TABLES, write=True),
+            sqlite.Place(self.path),
+        )
         self._arrays = arrays
         return Spent(settle=start.settle_time)
 
@@ -303,6 +319,7 @@ class Continued(Recorder):
         super().__init__(_path(path), 0.0)
         try:
             self._db = sqlite.opened(self.path, _TABLES, write=write)
+            self._place = sqlite.Place(self.path)
         except ValueError as error:
             raise self._refusal(
                 f"it is no checkpoint of a run, or one of another version: {error}"

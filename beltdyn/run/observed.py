@@ -259,8 +259,8 @@ def hint(result: Result, rtol: float) -> tuple[str, ...]:
     shown = [f"{rounded(one, None)[0]:g}" for one in figures]
     return (
         f'Belt(mesh="ale") would take some {shown[0]} times less CPU time: the belt flows through '
-        f"cells there and no links land; here {shown[1]} a second land on pulleys or leave them, "
-        f"and the run took {shown[2]} steps a second",
+        f"cells there and no links land; here, in each simulated second, {shown[1]} links land on "
+        f"pulleys or leave them and the run takes {shown[2]} steps",
     )
 
 

@@ -8,7 +8,7 @@ import attrs
 from numpy.typing import ArrayLike
 
 from .. import _core
-from ..base.checks import positive
+from ..base.checks import flag, positive
 from ..base.naming import ByPulley
 from ..base.progress import over_time
 from ..base.stopping import stoppable
@@ -85,6 +85,7 @@ def settle(
     """
     check_params(params)
     check_initial(params, initial)
+    shown = flag("progress", progress)
     given = {
         "friction": friction,
         "pulleys": pulleys,
@@ -119,7 +120,7 @@ def settle(
     state = None if initial is None else initial._to_core(params)
     sim = _core.Simulation.settle(params._model, state, **options)
     try:
-        with stoppable(sim), over_time(progress, "settling", 0.0, None) as show:
+        with stoppable(sim), over_time(shown, "settling", 0.0, None) as show:
             while not sim.advance(CHUNK):
                 show(sim.time)
     except SimulationError as error:

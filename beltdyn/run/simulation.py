@@ -216,7 +216,11 @@ def simulate(
     times = _sample_times(t_eval, start, end)
     options = Options.among(given)
     scene = Scene(params, torque_fn, end, motion)
-    asked: dict[str, Any] = {"times": times, "expected": expected, "progress": progress}
+    asked: dict[str, Any] = {
+        "times": times,
+        "expected": expected,
+        "progress": flag("progress", progress),
+    }
     if budget is not None:
         plan = budgets.plan(_runner(options), settle, scene, budget, initial=initial, t_eval=times)
         asked |= {"initial": plan.initial, "expected": plan.expected, "outputs": kept}

@@ -32,7 +32,7 @@ import attrs
 import numpy as np
 
 from .. import scenes
-from ..base.checks import close_to, integer, one_of, real, shown
+from ..base.checks import integer, one_of, real, shown, unknown_field
 from ..base.optional import scipy_module
 from ..drive import toml
 from ..drive.friction import Friction
@@ -79,7 +79,7 @@ def read(path: str | os.PathLike[str]) -> SweepFile:
 def _built(document: dict[str, Any], folder: Path) -> SweepFile:
     for field in document:
         if field not in _FIELDS:
-            raise ValueError(f"{field}: unknown field{close_to(field, _FIELDS)}")
+            raise ValueError(f"{field}: {unknown_field(field, _FIELDS)}")
     if "scene" not in document:
         raise ValueError("scene: missing")
     if ("over" in document) == ("sample" in document):
@@ -134,7 +134,7 @@ def _values(name: str, value: Any) -> Any:
         if field not in known:
             if isinstance(fields[field], (list, dict)):
                 raise ValueError(f'over.{name}.{field}: names stand in quotes: "{name}.{field}" = ')
-            raise ValueError(f"over.{name}.{field}: unknown field{close_to(field, known)}")
+            raise ValueError(f"over.{name}.{field}: {unknown_field(field, known)}")
     for field in known[:3]:
         if field not in fields:
             raise ValueError(f"over.{name}.{field}: missing")
@@ -165,7 +165,7 @@ def _samples(fields: dict[str, Any]) -> Any:
     known = ("ranges", "n", "method", "seed", "second_order")
     for field in fields:
         if field not in known:
-            raise ValueError(f"sample.{field}: unknown field{close_to(field, known)}")
+            raise ValueError(f"sample.{field}: {unknown_field(field, known)}")
     for field in known[:2]:
         if field not in fields:
             raise ValueError(f"sample.{field}: missing")

@@ -124,6 +124,7 @@ typedef struct {
   bd_label pulley;              /* of a motion, in messages */
   PyArrayObject *theta, *omega; /* given to the callable, and again if it has kept neither */
   npy_intp n_pulleys;
+  char name[BD_NAME_SIZE];  /* of the function, in messages */
   const volatile int *stop; /* the simulation's flag: looked at before each call */
 } bd_core_call;
 

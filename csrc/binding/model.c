@@ -438,6 +438,11 @@ static PyObject *model_depth(PyObject *object, PyObject *args) {
   for (npy_intp n = 0; depth && n < PyArray_SIZE(depth); ++n) {
     const double *radius = PyArray_DATA(at[0]), *tension = PyArray_DATA(at[1]),
                  *speed = PyArray_DATA(at[2]);
+    if (!(radius[n] > 0.0)) {
+      PyErr_SetString(PyExc_ValueError, "radius must be > 0 m");
+      Py_CLEAR(depth);
+      break;
+    }
     ((double *)PyArray_DATA(depth))[n] = bd_model_depth(model, radius[n], tension[n], speed[n]);
   }
   for (int k = 0; k < 3; ++k) {

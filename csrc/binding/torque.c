@@ -14,40 +14,57 @@
 
 /* --- what a callable returned ---------------------------------------------------------------- */
 
-#define MUST_RETURN "torque_fn must return %zd torque%s, one per pulley"
 #define PLURAL(n) ((n) == 1 ? "" : "s")
 /* It gave something else. */
-#define REFUSE(kind, n, format, ...)                                                               \
-  PyErr_Format(kind, MUST_RETURN ", got " format, (Py_ssize_t)(n), PLURAL(n), __VA_ARGS__)
+#define REFUSE(kind, from, format, ...)                                                            \
+  PyErr_Format(kind, "%s, got " format, rule(&(rule_text){0}, from), __VA_ARGS__)
+
+typedef struct {
+  const bd_core_call *call;
+  double t;
+} asked;
+
+typedef struct {
+  char text[BD_NAME_SIZE * 3];
+} rule_text;
+
+static const char *rule(rule_text *room, const asked *from) {
+  const npy_intp n = from->call->n_pulleys;
+  PyOS_snprintf(room->text, sizeof room->text,
+                "torque_fn must return %zd torque%s, one per pulley (%s at t = %.6g s)",
+                (Py_ssize_t)n, PLURAL(n), from->call->name, from->t);
+  return room->text;
+}
 
 /* One item that is no float; it may run Python code, so the caller's sequence may change. */
-static int read_item(PyObject *item, npy_intp n, npy_intp j, double *out) {
-  char name[BD_NAME_SIZE * 2];
-  PyOS_snprintf(name, sizeof name, MUST_RETURN ": number %zd", (Py_ssize_t)n, PLURAL(n),
-                (Py_ssize_t)j);
+static int read_item(PyObject *item, const asked *from, npy_intp j, double *out) {
+  char name[BD_NAME_SIZE * 4];
+  PyOS_snprintf(name, sizeof name, "%s: number %zd", rule(&(rule_text){0}, from), (Py_ssize_t)j);
   Py_INCREF(item);
   int failed = bd_convert_real(item, name, out);
   Py_DECREF(item);
   return failed;
 }
 
-static int read_sequence(PyObject *result, npy_intp n, double *torque) {
+static int read_sequence(PyObject *result, const asked *from, double *torque) {
+  const npy_intp n = from->call->n_pulleys;
   for (npy_intp j = 0; j < n; j++) {
     if (PySequence_Fast_GET_SIZE(result) != n) {
-      REFUSE(PyExc_ValueError, n, "%zd", PySequence_Fast_GET_SIZE(result));
+      REFUSE(PyExc_ValueError, from, "%zd", PySequence_Fast_GET_SIZE(result));
       return -1;
     }
     PyObject *item = PySequence_Fast_GET_ITEM(result, j);
     if (PyFloat_CheckExact(item)) {
       torque[j] = PyFloat_AS_DOUBLE(item);
-    } else if (read_item(item, n, j, &torque[j]) < 0) {
+    } else if (read_item(item, from, j, &torque[j]) < 0) {
       return -1;
     }
   }
   return 0;
 }
 
-static int read_array(PyObject *result, npy_intp n, double *torque) {
+static int read_array(PyObject *result, const asked *from, double *torque) {
+  const npy_intp n = from->call->n_pulleys;
   PyArrayObject *given = (PyArrayObject *)PyArray_FROM_O(result);
   if (!given) {
     return -1;
@@ -55,17 +72,17 @@ static int read_array(PyObject *result, npy_intp n, double *torque) {
   int failed = -1;
   const int masked = bd_convert_is_masked((PyObject *)given);
   if (masked > 0) {
-    REFUSE(PyExc_ValueError, n, "%s", "masked values");
+    REFUSE(PyExc_ValueError, from, "%s", "masked values");
   } else if (masked == 0 && PyArray_NDIM(given) == 0) {
-    REFUSE(PyExc_TypeError, n, "%.100s", Py_TYPE(result)->tp_name);
+    REFUSE(PyExc_TypeError, from, "%.100s", Py_TYPE(result)->tp_name);
   } else if (masked == 0 && !bd_convert_is_real(given)) {
-    REFUSE(PyExc_TypeError, n, "an array of dtype %S", (PyObject *)PyArray_DESCR(given));
+    REFUSE(PyExc_TypeError, from, "an array of dtype %S", (PyObject *)PyArray_DESCR(given));
   } else if (masked == 0 && PyArray_NDIM(given) != 1) {
     char shape[BD_SHAPE_SIZE];
     bd_convert_shape_text(shape, PyArray_NDIM(given), PyArray_DIMS(given));
-    REFUSE(PyExc_ValueError, n, "an array of shape %s", shape);
+    REFUSE(PyExc_ValueError, from, "an array of shape %s", shape);
   } else if (masked == 0 && PyArray_DIM(given, 0) != n) {
-    REFUSE(PyExc_ValueError, n, "%zd", (Py_ssize_t)PyArray_DIM(given, 0));
+    REFUSE(PyExc_ValueError, from, "%zd", (Py_ssize_t)PyArray_DIM(given, 0));
   } else if (masked == 0) {
     PyArrayObject *array =
         (PyArrayObject *)PyArray_FROMANY((PyObject *)given, NPY_DOUBLE, 1, 1, NPY_ARRAY_IN_ARRAY);
@@ -85,15 +102,16 @@ static int is_plain(PyArrayObject *array, npy_intp n) {
          PyArray_DIM(array, 0) == n && PyArray_ISCARRAY_RO(array);
 }
 
-static int read_torques(PyObject *result, npy_intp n, double *torque) {
+static int read_torques(PyObject *result, const asked *from, double *torque) {
+  const npy_intp n = from->call->n_pulleys;
   if (PyList_Check(result) || PyTuple_Check(result)) {
-    return read_sequence(result, n, torque);
+    return read_sequence(result, from, torque);
   }
   if (PyArray_CheckExact(result) && is_plain((PyArrayObject *)result, n)) {
     memcpy(torque, PyArray_DATA((PyArrayObject *)result), (size_t)n * sizeof *torque);
     return 0;
   }
-  return read_array(result, n, torque);
+  return read_array(result, from, torque);
 }
 
 /* --- calling --------------------------------------------------------------------------------- */
@@ -144,7 +162,7 @@ static int call_python(double t, const double *theta, const double *omega, doubl
     Py_XDECREF(args[k]);
   }
   if (result) {
-    failed = read_torques(result, n, torque);
+    failed = read_torques(result, &(asked){call, t}, torque);
     Py_DECREF(result);
   }
   return failed;
@@ -166,8 +184,9 @@ static int call_python_motion(double t, double *value, void *user) {
   if (PyFloat_CheckExact(result)) {
     *value = PyFloat_AS_DOUBLE(result);
   } else {
-    char name[BD_NAME_SIZE];
-    PyOS_snprintf(name, sizeof name, "what the motion of %s returns", call->pulley.text);
+    char name[BD_NAME_SIZE * 3];
+    PyOS_snprintf(name, sizeof name, "what the motion of %s returns (%s at t = %.6g s)",
+                  call->pulley.text, call->name, t);
     failed = bd_convert_real(result, name, value);
   }
   Py_DECREF(result);
@@ -299,6 +318,15 @@ static int read_array_into(reader *in, void *record, PyObject *object, const cha
   return failed;
 }
 
+/* What messages call a function: by its own name, an object of a class by that of the class. */
+static void name_function(PyObject *callable, char name[BD_NAME_SIZE]) {
+  PyObject *own = PyObject_GetAttrString(callable, "__name__");
+  const char *text = own && PyUnicode_Check(own) ? PyUnicode_AsUTF8(own) : NULL;
+  PyErr_Clear();
+  PyOS_snprintf(name, BD_NAME_SIZE, "%.40s", text ? text : Py_TYPE(callable)->tp_name);
+  Py_XDECREF(own);
+}
+
 static int read_call(const reader *in, PyObject *callable, const char *name) {
   if (!PyCallable_Check(callable)) {
     PyErr_Format(PyExc_TypeError, "%s must hold a callable, got %.100s", name,
@@ -309,6 +337,7 @@ static int read_call(const reader *in, PyObject *callable, const char *name) {
   call->callable = Py_NewRef(callable);
   call->stop = in->out->torque.stop;
   call->n_pulleys = in->n_pulleys;
+  name_function(callable, call->name);
   if (in->motion) {
     call->pulley = bd_pulley_label(in->model, in->motion->pulley);
     in->motion->call = call_python_motion;
