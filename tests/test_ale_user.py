@@ -207,7 +207,7 @@ def test_it_is_told_of_where_it_would_be_much_cheaper(monkeypatch: pytest.Monkey
     for drive in (DRIVE, paper, tensioned):
         assert cells.instead(drive) is None and 'on Belt(mesh="ale")' not in str(drive)
     assert 'm/s on Belt(mesh="ale")' in str(LINKS)
-    monkeypatch.setattr(bd.accuracy.suggestion, "MIN_CPU_TIME", 0.0)
+    monkeypatch.setattr("beltdyn.accuracy.suggestion.MIN_CPU_TIME", 0.0)
     monkeypatch.setattr(cells, "CHEAPER", 0.0)
     found = bd.accuracy.suggest(SCENE._replace(params=LINKS, t_end=0.002), 0.1)
     assert found.ale is not None and found.ale[0] > 0.0 and found.ale[1] < 0.1

@@ -18,14 +18,13 @@ import attrs
 
 from .checks import unknown_field
 
-__all__ = ["describe", "describe_all", "listed", "units"]
+__all__ = ["describe", "describe_all", "listed", "quantity", "unit_of", "with_units"]
 
 _Class = TypeVar("_Class", bound=type)
 
 #: For ``attrs.inspect`` and for classes that are made of this one and set attributes; not
 #: ``__attrs_attrs__``, which ``attrs.fields`` reads.
 _NOTES = ("__attrs_props__", "__attrs_own_setattr__")
-_UNIT = re.compile(r"\[((?:1|rad|deg|m|s|N|W|Hz)\b[^\]]*)\]")
 _FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
 
 
@@ -82,17 +81,24 @@ def describe_all(objects: Iterable[Any]) -> None:
             describe(one)
 
 
-def units(cls: Any) -> dict[str, str]:
-    """Return the units of the fields of a class, "1" where its docstring names none.
+def quantity(unit: str, default: Any = None) -> Any:
+    """Return a field with a unit; :func:`with_units` shows it, :func:`unit_of` reads it."""
+    return attrs.field(default=default, metadata={"unit": unit})
 
-    Raises:
-        RuntimeError: Python was told to drop docstrings.
-    """
-    if cls.__doc__ is None:
-        raise RuntimeError("units stand in docstrings, which python -OO drops: run without it")
-    texts = _texts(cls)
-    found = {one.name: _UNIT.search(texts.get(one.name, "")) for one in attrs.fields(cls)}
-    return {name: "1" if match is None else match[1] for name, match in found.items()}
+
+def unit_of(cls: Any, field: str) -> str:
+    """Return the unit of a field, "1" where it has none."""
+    return str(attrs.fields_dict(cls)[field].metadata.get("unit", "1"))
+
+
+def with_units(cls: _Class) -> _Class:
+    """Put the units of fields into a docstring, each after the first clause of its text."""
+    for field in attrs.fields(cls):
+        unit = field.metadata.get("unit")
+        if unit and cls.__doc__:
+            clause = rf"(\n( +){field.name}: (?:.|\n(?!\2\w))*?)(?=[;:.](\s|$))"
+            cls.__doc__ = re.sub(clause, rf"\1 [{unit}]", cls.__doc__, count=1)
+    return cls
 
 
 def listed(cls: _Class, rows: Mapping[str, tuple[str, str]]) -> _Class:

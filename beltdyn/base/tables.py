@@ -3,12 +3,39 @@
 from __future__ import annotations
 
 import itertools
+import textwrap
 from collections.abc import Iterable, Sequence
 from html import escape
+from typing import NamedTuple
 
-__all__ = ["columns", "fitted", "framed", "paragraphs", "table_of"]
+__all__ = ["Table", "columns", "fitted", "framed", "paragraphs", "table_of", "wrapped"]
 
 _Rows = Sequence[Sequence[str]]
+
+
+class Table(NamedTuple):
+    """A table: title, heading, rows, and remarks below it."""
+
+    title: str
+    heading: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+    remarks: tuple[str, ...] = ()
+
+    def lines(self, width: int) -> list[str]:
+        """Return its lines, broken into tables that are no wider than this."""
+        found = textwrap.wrap(self.title, width)
+        for whole in fitted([self.heading, *self.rows], width):
+            found += columns(whole)
+        return found + [line for one in self.remarks for line in wrapped(one, width)]
+
+    def html(self) -> list[str]:
+        """Return it and its remarks as HTML."""
+        return [table_of(self.heading, self.rows, self.title), *paragraphs(self.remarks)]
+
+
+def wrapped(text: str, width: int) -> list[str]:
+    """Break an indented text into lines, further indented from the second one on."""
+    return textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="    ")
 
 
 def columns(rows: _Rows, sides: str = "<>", indent: str = "  ") -> list[str]:

@@ -7,28 +7,12 @@ import textwrap
 from collections.abc import Iterator
 
 from ..base.rounding import rounded
-from ..base.tables import columns, paragraphs
-from ..drive.mounts import KINDS
+from ..base.tables import Table, columns, paragraphs
 from . import digits, text
-from .digits import (
-    NONE,
-    between,
-    number,
-    of_speed,
-    of_tension,
-    placed,
-    within,
-)
-from .rows import PulleyRow, ReportData, SpanRow
-from .text import (
-    _NOTHING,
-    _STILL,
-    _TO_RPM,
-    Table,
-    _without,
-    couplings,
-    opening,
-)
+from .columns import Layout, made
+from .digits import NONE, number, within
+from .rows import ReportData
+from .text import couplings, opening
 
 __all__ = ["html", "lines"]
 
@@ -44,7 +28,10 @@ def lines(report: ReportData) -> list[str]:
     """Return the lines of the first screen: at most 39, none longer than 100 characters."""
     above = [one for told in opening(report) for one in _wrapped(told)]
     below = ["", *(one for told in _closing(report) for one in _wrapped(told))]
-    shown = [(table, _remarks(table)) for table in _tables(report)]
+    shown = [
+        (table, [line for one in table.remarks for line in _wrapped("  " + one)])
+        for table in _tables(report)
+    ]
     room = _HEIGHT - len(above) - len(below)
     room -= sum(2 + len(remarks) for _, remarks in shown)  # a blank line and the heading
     most = max((len(table.rows) for table, _ in shown), default=0)
@@ -59,7 +46,7 @@ def html(report: ReportData) -> str:
     """Return the first screen as HTML, with the full report in a section that opens."""
     parts = [
         *paragraphs(opening(report)),
-        *text.of_tables(_tables(report)),
+        *(one for table in _tables(report) for one in table.html()),
         *paragraphs(_closing(report)),
         f"<details><summary>All of it</summary>{text.html(report)}</details>",
     ]
@@ -68,10 +55,6 @@ def html(report: ReportData) -> str:
 
 def _wrapped(told: str) -> list[str]:
     return textwrap.wrap(told, _WIDTH, subsequent_indent="    ")
-
-
-def _remarks(table: Table) -> list[str]:
-    return [one for remark in table.remarks for one in _wrapped("  " + remark)]
 
 
 def _height(table: Table, most: int) -> int:
@@ -93,92 +76,34 @@ def _columns(table: Table, most: int) -> list[str]:
 def _tables(report: ReportData) -> Iterator[Table]:
     """Yield the tables of pulleys, spans and mounts, without empty columns."""
     for table in (_pulleys(report), _spans(report), _mounts(report)):
-        kept = [
-            k
-            for k in range(len(table.heading))
-            if k == 0 or any(row[k] != NONE for row in table.rows)
-        ]
-        if len(kept) > 1:
-            heading, *rows = (tuple(row[k] for k in kept) for row in (table.heading, *table.rows))
+        columns = zip(table.heading, *table.rows, strict=True)
+        first, *kept = (one for k, one in enumerate(columns) if k == 0 or {*one[1:]} - {NONE})
+        if kept:
+            heading, *rows = zip(first, *kept, strict=True)
             yield table._replace(heading=heading, rows=rows)
 
 
 def _pulleys(report: ReportData) -> Table:
-    largest = max((abs(one.power.mean) for one in report.pulleys if one.power), default=0.0)
-    rows = [_pulley(report, row, largest) for row in report.pulleys]
-    heading = (
-        "pulley",
-        "1/min",
-        "lost %",
-        "torque N m",
-        "power W",
-        "hub load N",
-        "most",
-        "to deg",
-        "used %",
-        "margin",
-        "worst",
+    names = "name turns lost torque power load load:most direction used margin worst"
+    table = made(report, Layout("Pulleys", "pulleys", names, couplings), report.pulleys)
+    if all(row[-2:] == (NONE, NONE) for row in table.rows):
+        return table
+    told = (
+        "lost: speed, against the driving pulley; to deg: of the hub load; used: of friction; "
+        "margin: factor by which all loads can grow until it slips in full (later: others slip "
+        "first)"
     )
-    remarks: tuple[str, ...] = ()
-    if any(row[-2:] != (NONE, NONE) for row in rows):
-        remarks = (
-            "lost: speed, against the driving pulley; to deg: of the hub load; used: of friction; "
-            "margin: factor by which all loads can grow until it slips in full (later: others slip "
-            "first)",
-        )
-    return Table("Pulleys", heading, rows, remarks + couplings(report))
-
-
-def _pulley(report: ReportData, row: PulleyRow, largest: float) -> tuple[str, ...]:
-    creep = next((one for one in report.creep if one.name == row.name), None)
-    power = _without(row.power, _NOTHING * largest)
-    load, _, most = of_tension(report, row.hub_load, 2.0)
-    return (
-        row.name,
-        placed(_without(row.speed, _STILL), of_speed(report, row), _TO_RPM)[0],
-        NONE if creep is None else within(100.0 * creep.slower, _of_creep(report)),
-        digits.torque(report, row)[0],
-        digits.power(report, power),
-        load,
-        most,
-        digits.direction(row.hub_direction),
-        digits.used(report, row)[0] if row.used is not None else NONE,
-        digits.margin(report, row.margin),
-        digits.margin(report, row.least_margin),
-    )
-
-
-def _of_creep(report: ReportData) -> float | None:
-    """Return the error of the speeds lost, relative to the largest [%]."""
-    largest = max((abs(one.slower) for one in report.creep), default=0.0)
-    return report.creep_error and 100.0 * largest * report.creep_error
+    return table._replace(remarks=(told, *table.remarks))
 
 
 def _spans(report: ReportData) -> Table:
-    rows = []
-    for row in report.spans:
-        mean, least, most = of_tension(report, row.tension)
-        rows.append(
-            (
-                row.name,
-                least,
-                mean,
-                most,
-                *_of_run(report, row),
-                "mesh" if row.link_passing else digits.line_frequency(report, row) + _doubt(row),
-                digits.string_frequency(report, row, 3),
-            )
-        )
-    heading = (
-        "span: tension N",
-        "least",
-        "mean",
-        "most",
-        "run: least",
-        "most",
-        "line Hz",
-        "string Hz",
+    names = (
+        "name tension:least tension tension:most of_run:least of_run:most line_of_drive string_3"
     )
+    return made(report, Layout("Spans", "spans", names, _on_spans), report.spans)
+
+
+def _on_spans(report: ReportData) -> list[str]:
     told = []
     if report.rest_tension is not None:
         told.append(f"mean tension at rest {digits.at_rest(report)} N")
@@ -189,30 +114,12 @@ def _spans(report: ReportData) -> Table:
         told.append("mesh: the strongest line is of links that pass")
     if None in passing:
         told.append("?: or of links that pass")
-    return Table("Spans", heading, rows, ("; ".join(told),) if told else ())
-
-
-def _doubt(row: SpanRow) -> str:
-    return " ?" if row.link_passing is None and row.frequency is not None else ""
-
-
-def _of_run(report: ReportData, row: SpanRow) -> tuple[str, str]:
-    return (
-        (NONE, NONE) if row.of_run is None else of_tension(report, row.tension, ends=row.of_run)[1:]
-    )
+    return ["; ".join(told)] if told else []
 
 
 def _mounts(report: ReportData) -> Table:
-    rows = []
-    for row in report.mounts:
-        scale, way = KINDS[row.kind].shown
-        travel, to_stop = (
-            digits.of_mount(report, row, one, scale) for one in (row.travel, row.to_stop)
-        )
-        cells = (travel[0], between(travel[1:]), to_stop[0], between(to_stop[1:]))
-        rows.append((f"{row.name}, {way}", *cells))
-    heading = ("mount: travel from its place", "mean", "range", "to the nearer stop", "range")
-    return Table("Mounts", heading, rows)
+    names = "name travel travel:range stop stop:range"
+    return made(report, Layout("Mounts", "mounts", names), report.mounts)
 
 
 def _closing(report: ReportData) -> Iterator[str]:
@@ -237,20 +144,17 @@ def _closing(report: ReportData) -> Iterator[str]:
 
 
 def _balance(report: ReportData) -> str:
-    def total(kind: str) -> float:
-        return sum(one.power for one in report.powers if one.kind == kind)
-
-    put_in = total("in")
+    put_in, taken = digits.total(report, "in"), digits.total(report, "out")
     lost, known = digits.lost(report)
     error, of_losses = report.power_error, report.efficiency_error or 0.0
-    ends = [within(one, error and error * put_in) for one in (put_in, total("out"))]
+    ends = [within(one, error and error * put_in) for one in (put_in, taken)]
     told = f"{ends[0]} W put in, {ends[1]} W taken off, {lost}"
     parts = sorted(report.powers, key=lambda one: -abs(one.power))
     shown = [one for one in parts if one.kind == "lost" and abs(one.power) > _SMALL * put_in]
     if shown and known:
         named = (f"{one.name} {digits.loss(report, one.power)}" for one in shown[:_LOSSES])
         told += f" (most: {', '.join(named)})"
-    rest = put_in - total("out") - total("lost")
+    rest = put_in - taken - digits.total(report, "lost")
     if report.efficiency is not None and abs(rest) > max(_SMALL * put_in, _unit(put_in, error)):
         parts = [one for one in report.powers if one.kind in ("stored", "left")]
         most = max(parts, key=lambda one: abs(one.power)).name

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.checks import Array
 from ..base.rounding import rounded
-from ..drive.mounts import KINDS
 from ..outputs.accuracy_report import Accuracy
 from .rows import RESIDUAL, Creep, MountRow, PulleyRow, ReportData, SpanRow, Spread
 
@@ -18,30 +17,32 @@ __all__ = [
     "NONE",
     "at_rest",
     "belt_speed",
-    "belt_torque",
     "between",
-    "direction",
+    "creep_off",
+    "fixed",
+    "given",
     "history_off",
+    "largest",
     "line_frequency",
     "loss",
     "lost",
     "margin",
     "number",
-    "of_mount",
+    "of_belt_torque",
+    "of_grip",
+    "of_loads",
+    "of_ratio",
+    "of_slip_torque",
     "of_speed",
+    "of_speed_ratio",
+    "of_string",
     "of_tension",
-    "percent",
     "placed",
-    "power",
-    "ratio",
     "signed",
-    "slip_arc",
-    "slip_torque",
     "speed_errors",
-    "speed_ratio",
-    "string_frequency",
     "tension_off",
     "torque",
+    "total",
     "used",
     "windup",
     "within",
@@ -82,17 +83,14 @@ def signed(shown: str) -> str:
     return shown.removeprefix("-") if not shown.strip("-0.") else shown
 
 
-def percent(share: float | None, decimals: int = 1) -> str:
-    """Return a share in percent."""
-    return NONE if share is None else signed(f"{100.0 * share:.{decimals}f}")
+def fixed(value: float | None, scale: float, decimals: int) -> str:
+    """Return a number times a factor with so many decimals."""
+    return NONE if value is None else signed(f"{scale * value:.{decimals}f}")
 
 
-def direction(angle: float | None) -> str:
-    """Print an angle [rad] in degrees."""
-    if angle is None:
-        return NONE
-    shown = signed(f"{math.degrees(angle):.0f}")
-    return "180" if shown == "-180" else shown
+def largest(values: Iterable[float | None]) -> float:
+    """Return the largest magnitude of those that are known, 0 if none is."""
+    return max((abs(one) for one in values if one is not None), default=0.0)
 
 
 def placed(
@@ -152,12 +150,12 @@ def speed_errors(accuracy: Accuracy, speeds: Array, prescribed: NDArray[np.bool_
 
     Those that are prescribed have none; beside one the others are off by a creep at most.
     """
-    share = _of_loads(accuracy)
+    share = of_loads(accuracy)
     share = min(share, CREEPS) if prescribed.any() else share
     return np.where(prescribed, 0.0, share * np.abs(speeds))
 
 
-def _of_loads(accuracy: Accuracy) -> float:
+def of_loads(accuracy: Accuracy) -> float:
     """Return the relative error of speeds and torques that follow from loads and losses [1].
 
     What is lost on the way of the power shifts the speed at which loads balance, and the torque
@@ -176,7 +174,7 @@ def of_speed(report: ReportData, row: PulleyRow) -> float:
     if row.prescribed:
         return 0.0
     slower = [abs(one.slower) for one in report.creep if one.name == row.name]
-    return slower[0] if slower and _led(report) else _of_loads(report.accuracy)
+    return slower[0] if slower and _led(report) else of_loads(report.accuracy)
 
 
 def _led(report: ReportData) -> bool:
@@ -184,25 +182,19 @@ def _led(report: ReportData) -> bool:
     return any(row.prescribed for row in report.pulleys if row.name == report.driver)
 
 
-def torque(report: ReportData, row: PulleyRow) -> tuple[str, str, str]:
+def torque(report: ReportData, row: PulleyRow, _scale: float = 1.0) -> tuple[str, str, str]:
     """Return mean, least and most of the torque that is set, or that a speed needs."""
-    return placed(row.torque, 0.0 if given(row.torque) else _of_loads(report.accuracy))
+    return placed(row.torque, 0.0 if given(row.torque) else of_loads(report.accuracy))
 
 
 def windup(report: ReportData, row: PulleyRow) -> tuple[str, str, str]:
     """Return mean, least and greatest windup of a coupling [deg], with the error of its torque."""
-    return placed(row.windup, _of_loads(report.accuracy), math.degrees(1.0))
-
-
-def belt_torque(report: ReportData, row: PulleyRow) -> str:
-    """Return the torque of the belt on a pulley, with the error of the largest of all."""
-    largest = max((abs(one.belt_torque or 0.0) for one in report.pulleys), default=0.0)
-    return within(row.belt_torque, _of_loads(report.accuracy) * largest)
+    return placed(row.windup, of_loads(report.accuracy), math.degrees(1.0))
 
 
 def belt_speed(report: ReportData) -> str:
     """Return the belt's speed; its error is that of creep where a speed is prescribed."""
-    speed, share = abs(report.belt_speed or 0.0), _of_loads(report.accuracy)
+    speed, share = abs(report.belt_speed or 0.0), of_loads(report.accuracy)
     return within(speed, speed * (min(share, CREEPS) if _led(report) else share))
 
 
@@ -225,12 +217,38 @@ def margin(report: ReportData, value: float | None) -> str:
     return within(value, share and share * value, max(1, 3 + math.floor(math.log10(value))))
 
 
-def ratio(report: ReportData, row: PulleyRow) -> str:
-    """Return a ratio of tensions."""
-    return within(row.ratio, _of_ratio(report, row), 3)
+def of_slip_torque(report: ReportData, row: PulleyRow) -> float | None:
+    """Return the error of the torque at which a pulley slips in full [N m]; None: not known."""
+    share = of_grip(report)
+    return share and share * abs(row.slip_torque or 0.0)
 
 
-def _of_ratio(report: ReportData, row: PulleyRow) -> float | None:
+def of_belt_torque(report: ReportData, _row: PulleyRow) -> float:
+    """Return the error of the torques of the belt on pulleys [N m], that of the largest."""
+    return of_loads(report.accuracy) * largest(one.belt_torque for one in report.pulleys)
+
+
+def creep_off(report: ReportData) -> float:
+    """Return the error of speeds lost [1], relative to the largest."""
+    return (report.creep_error or 0.0) * largest(one.slower for one in report.creep)
+
+
+def of_speed_ratio(report: ReportData, row: Creep) -> float:
+    """Return the error of a ratio of speeds [1]; all of the creep where its own is not known."""
+    lost = abs(row.slower) if report.creep_error is None else creep_off(report)
+    return lost * abs(row.ratio)
+
+
+def of_string(report: ReportData, row: SpanRow) -> float | None:
+    """Return the error of the frequency of a span as a moving string [Hz]; None: not known."""
+    off = tension_off(report)
+    if row.lateral is None or row.tension is None or off is None:
+        return None
+    pull = row.tension.mean - (report.mass_tension or 0.0)
+    return 0.5 * row.lateral * off / pull if pull > 0.0 else None
+
+
+def of_ratio(report: ReportData, row: PulleyRow) -> float | None:
     """Return the error of a ratio of tensions with equal errors; None: not known."""
     off = tension_off(report)
     if row.ratio is None or off is None or not row.slack:
@@ -238,26 +256,17 @@ def _of_ratio(report: ReportData, row: PulleyRow) -> float | None:
     return off * abs(row.ratio - 1.0) / row.slack
 
 
-def used(report: ReportData, row: PulleyRow) -> tuple[str, str, str]:
-    """Return the friction in use in percent, from the logarithm of a ratio, with its range.
+def used(report: ReportData, row: PulleyRow, scale: float = 100.0) -> tuple[str, str, str]:
+    """Return the friction in use [1] times a factor, from the logarithm of a ratio, with its range.
 
     The most of it is "slack" where it is infinite.
     """
-    off, part, ratio = _of_ratio(report, row), row.used, row.ratio
+    off, part, ratio = of_ratio(report, row), row.used, row.ratio
     if part and ratio and off is not None:  # of the logarithm over the ratio's; a tenth at best
         off = max(1e-3, off * part / (ratio * math.log(ratio)))
     mean = row.used_range if part is None else Spread(part, part, part)
-    told = placed(mean, off and off / part if part else None, 100.0, row.used_range, part or None)
+    told = placed(mean, off and off / part if part else None, scale, row.used_range, part or None)
     return told[0], told[1], told[2].replace("none", "slack")
-
-
-def string_frequency(report: ReportData, row: SpanRow, digits: int = 4) -> str:
-    """Return the frequency of a span as a moving string."""
-    off = tension_off(report)
-    if row.lateral is None or row.tension is None or off is None:
-        return number(row.lateral, 2)
-    pull = row.tension.mean - (report.mass_tension or 0.0)
-    return within(row.lateral, 0.5 * row.lateral * off / pull if pull > 0.0 else None, digits)
 
 
 def line_frequency(report: ReportData, row: SpanRow | MountRow) -> str:
@@ -268,21 +277,16 @@ def line_frequency(report: ReportData, row: SpanRow | MountRow) -> str:
     return within(row.frequency, share and 0.5 * share * row.frequency, 3)
 
 
-def power(report: ReportData, value: Spread | None) -> str:
-    """Return a pulley's power; its error is relative to the largest."""
-    if value is None or not value.mean:
-        return number(None if value is None else value.mean)
-    largest = max(abs(row.power.mean) for row in report.pulleys if row.power is not None)
-    error = report.power_error
-    return within(value.mean, error and error * largest)
-
-
 def loss(report: ReportData, power: float, value: float | None = None) -> str:
     """Return a power loss, total or by one cause; its error is at most the loss."""
-    put_in = sum(one.power for one in report.powers if one.kind == "in")
     value = power if value is None else value
     share = report.efficiency_error
-    return within(value, share and share * put_in * abs(value / power))
+    return within(value, share and share * total(report, "in") * abs(value / power))
+
+
+def total(report: ReportData, kind: str) -> float:
+    """Return the sum of the powers of a kind [W]."""
+    return sum(one.power for one in report.powers if one.kind == kind)
 
 
 def lost(report: ReportData) -> tuple[str, bool]:
@@ -290,8 +294,7 @@ def lost(report: ReportData) -> tuple[str, bool]:
 
     Friction gives back what it had stored where links stick; dampers give nothing back.
     """
-    power = sum(one.power for one in report.powers if one.kind == "lost")
-    put_in = sum(one.power for one in report.powers if one.kind == "in")
+    power, put_in = total(report, "lost"), total(report, "in")
     unknown = max(abs(report.powers[RESIDUAL].power), (report.efficiency_error or 0.0) * put_in)
     if abs(power) < unknown:
         return f"less than some {number(abs(power) + unknown, 2)} W lost", False
@@ -300,43 +303,13 @@ def lost(report: ReportData) -> tuple[str, bool]:
     return f"{loss(report, power)} W lost", True
 
 
-def slip_torque(report: ReportData, row: PulleyRow) -> str:
-    """Return the torque at which a pulley slips in full."""
-    share = of_grip(report)
-    return within(row.slip_torque, share and share * abs(row.slip_torque or 0.0))
-
-
-def slip_arc(row: PulleyRow) -> tuple[str, str]:
-    """Return the arc of slip and its error in degrees, to tenths where the error allows."""
-    if row.slip_arc is None or row.slip_error is None:
-        return NONE, NONE
-    arc, off = math.degrees(row.slip_arc), math.degrees(row.slip_error)
-    places = 0 if off >= 1.0 else 1
-    return signed(f"{arc:.{places}f}"), f"{off:.{places}f}"
-
-
 def at_rest(report: ReportData) -> str:
     """Return the mean tension at rest; its error is at most that of the run."""
     share = report.tension_error
     return within(report.rest_tension, share and share * abs(report.rest_tension or 0.0))
 
 
-def history_off(report: ReportData) -> float | None:
+def history_off(report: ReportData, _row: object = None) -> float | None:
     """Return the error of tensions over time [N]; None: not known."""
     off, share = tension_off(report), report.accuracy["tension"].known
     return off and share and off * share / (report.tension_error or share)
-
-
-def of_mount(
-    report: ReportData, row: MountRow, value: Spread | None, scale: float = 1.0
-) -> tuple[str, str, str]:
-    """Return travels or forces of a mount, with the error of two spans; paths are exact."""
-    share = report.tension_error and 2.0 * report.tension_error
-    return placed(value, share if KINDS[row.kind].moves else 0.0, scale)
-
-
-def speed_ratio(report: ReportData, row: Creep) -> str:
-    """Return the ratio of speeds; where the error of creep is not known, it may be all of it."""
-    largest = max((abs(one.slower) for one in report.creep), default=0.0)
-    lost = abs(row.slower) if report.creep_error is None else largest * report.creep_error
-    return within(row.ratio, lost * abs(row.ratio))

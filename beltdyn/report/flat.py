@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import cache
 from typing import Any, NamedTuple
 
 import attrs
 
-from ..base.described import units
+from ..base.described import unit_of
 from ..drive.mounts import KINDS
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
@@ -36,9 +34,6 @@ _ROWS: dict[str, type] = {
     "powers": Power,
     "cycles": Cycle,
 }
-
-
-_units: Callable[[Any], dict[str, str]] = cache(units)
 
 
 def _of_run() -> list[str]:
@@ -68,7 +63,7 @@ def quantities(part: str) -> list[str] | None:
 
 
 def _unit(row: Any, field: str) -> str:
-    unit = _units(type(row))[field]
+    unit = unit_of(type(row), field)
     return KINDS[row.kind].unit(unit) if isinstance(row, MountRow) else unit
 
 
@@ -95,7 +90,7 @@ def numbers(report: ReportData) -> list[Number]:
             found.append(Number(part, name, quantity, unit, float(value), None))
 
     for field in _of_run():
-        add("report", "", field, _units(ReportData)[field], getattr(report, field))
+        add("report", "", field, unit_of(ReportData, field), getattr(report, field))
     first = report.first_to_slip
     add("report", "", "first_to_slip", "", None if first is None else first.name)
     add("report", "", "steady", "", not report.unsteady)

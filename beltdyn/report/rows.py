@@ -7,7 +7,9 @@ from collections.abc import Iterable
 from typing import Any, Generic, TypeVar, overload
 
 import attrs
+from attrs import NOTHING
 
+from ..base.described import quantity, with_units
 from ..base.run_warnings import RunWarning
 from ..outputs.accuracy_report import Accuracy
 
@@ -42,6 +44,7 @@ class Spread:
     most: float
 
 
+@with_units
 @attrs.frozen(kw_only=True)
 class PulleyRow:
     """A pulley over the window. None: not known; ``Report.notes`` says why.
@@ -49,83 +52,82 @@ class PulleyRow:
     Attributes:
         name: Its name, "pulley 3" if it has none.
         prescribed: Whether its motion was given, and its speed is exact.
-        speed: Angular velocity, counter-clockwise [rad/s].
+        speed: Angular velocity, counter-clockwise.
         rim_speed: Angular velocity of the rim of a pulley with a coupling, or of the ring of a
-            torsional damper [rad/s]; None: it has none, or it was not asked for.
-        windup: Windup of the coupling [rad].
-        overruns: Share of the time in which an overrunning clutch is free [1].
-        torque: Torque set on it or, where its motion is prescribed, that it needs [N m].
-        power: Power of that torque, positive where it drives [W].
-        belt_torque: Mean torque of the belt on it, counter-clockwise [N m].
-        hub_load: Magnitude of the belt's force on its bearings [N]: the pull of its two spans, T -
+            torsional damper; None: it has none, or it was not asked for.
+        windup: Windup of the coupling.
+        overruns: Share of the time in which an overrunning clutch is free.
+        torque: Torque set on it or, where its motion is prescribed, that it needs.
+        power: Power of that torque, positive where it drives.
+        belt_torque: Mean torque of the belt on it, counter-clockwise.
+        hub_load: Magnitude of the belt's force on its bearings: the pull of its two spans, T -
             rho v^2 each in the direction of the span, with the tension in its middle, and the
             weight of the belt. Not from ``result.pulleys.load``, the contact forces, which
             fluctuate as links land.
-        hub_direction: Direction of the mean of that force, counter-clockwise from x [rad].
-        wrap: Angle of the belt line on it, with mounts at their mean places [rad].
-        links: Length of the wrap in links or cells [1].
-        slip_arc: Mean part of the wrap where friction is within 5 % of its limit [rad].
+        hub_direction: Direction of the mean of that force, counter-clockwise from x.
+        wrap: Angle of the belt line on it, with mounts at their mean places.
+        links: Length of the wrap in links or cells.
+        slip_arc: Mean part of the wrap where friction is within 5 % of its limit.
         slip_error: Error of the slip arc: a quarter of a link, and what landing links may have
-            taken off it where the belt creeps back (``Arcs.returning``), to a factor of three
-            [rad].
-        slip_share: Slip arc over the wrap, from links in contact (:class:`beltdyn.Arcs`) [1].
+            taken off it where the belt creeps back (``Arcs.returning``), to a factor of three.
+        slip_share: Slip arc over the wrap, from links in contact (:class:`beltdyn.Arcs`).
         slip_range: Least and largest slip share, without the ripple of passing links.
-        tight: Mean tension of the tighter of its two spans, less rho v^2 [N].
-        slack: The same of the other one [N].
-        ratio: ``tight`` over ``slack`` [1].
-        limit: The ratio in full slip, exp(mu wrap), with the wrap of the belt line [1]. Where
+        tight: Mean tension of the tighter of its two spans, less rho v^2.
+        slack: The same of the other one.
+        ratio: ``tight`` over ``slack``.
+        limit: The ratio in full slip, exp(mu wrap), with the wrap of the belt line. Where
             friction falls with slip velocity, mu here and below is that of fast slip.
-        used: Part of the wrap's friction in use by the mean tensions, ln(ratio) / (mu wrap) [1];
+        used: Part of the wrap's friction in use by the mean tensions, ln(ratio) / (mu wrap);
             None, as ``ratio``, where less than a link lies on it.
         used_range: The same at single instants, without the ripple of passing links; infinite where
             its slack span loses its tension.
-        margin: Factor by which all mean torques can grow before it slips in full [1]; infinite if
+        margin: Factor by which all mean torques can grow before it slips in full; infinite if
             others slip long before, so that it does not; at most 1 if it slips in full in the
             window.
         sticking_margin: Where friction falls with slip velocity, the same by the most that it has
-            in the window [1]: it is lost as soon as something makes the pulley slip.
-        slip_torque: Torque of the belt on it in full slip, from mean values [N m]: the mean torque
+            in the window: it is lost as soon as something makes the pulley slip.
+        slip_torque: Torque of the belt on it in full slip, from mean values: the mean torque
             times ``margin``, except where momentary slip in the window has used the margin up.
-        slip_tensions: Tensions of its tight and slack span then [N].
-        least_margin: The margin at its worst instant, that with the most friction in use [1].
-        worst_time: That instant [s].
+        slip_tensions: Tensions of its tight and slack span then.
+        least_margin: The margin at its worst instant, that with the most friction in use.
+        worst_time: That instant.
         own_margin: Factor by which its mean torque alone can grow, which the driving pulley makes
-            up for, before one of the two, or any other, slips in full [1]; infinite if a span that
+            up for, before one of the two, or any other, slips in full; infinite if a span that
             is not its own goes slack before.
-        own_slip_torque: Torque of the belt on it then [N m].
+        own_slip_torque: Torque of the belt on it then.
     """
 
     name: str
     prescribed: bool = False
-    speed: Spread | None = None
-    rim_speed: Spread | None = None
-    windup: Spread | None = None
-    overruns: float | None = None
-    torque: Spread | None = None
-    power: Spread | None = None
-    belt_torque: float | None = None
-    hub_load: Spread | None = None
-    hub_direction: float | None = None
-    wrap: float | None = None
-    links: float | None = None
-    slip_arc: float | None = None
-    slip_error: float | None = None
-    slip_share: float | None = None
+    speed: Spread | None = quantity("rad/s")
+    rim_speed: Spread | None = quantity("rad/s")
+    windup: Spread | None = quantity("rad")
+    overruns: float | None = quantity("1")
+    torque: Spread | None = quantity("N m")
+    power: Spread | None = quantity("W")
+    belt_torque: float | None = quantity("N m")
+    hub_load: Spread | None = quantity("N")
+    hub_direction: float | None = quantity("rad")
+    wrap: float | None = quantity("rad")
+    links: float | None = quantity("1")
+    slip_arc: float | None = quantity("rad")
+    slip_error: float | None = quantity("rad")
+    slip_share: float | None = quantity("1")
     slip_range: Spread | None = None
-    tight: float | None = None
-    slack: float | None = None
-    ratio: float | None = None
-    limit: float | None = None
-    used: float | None = None
+    tight: float | None = quantity("N")
+    slack: float | None = quantity("N")
+    ratio: float | None = quantity("1")
+    limit: float | None = quantity("1")
+    used: float | None = quantity("1")
     used_range: Spread | None = None
-    margin: float | None = None
-    sticking_margin: float | None = None
-    slip_torque: float | None = None
-    slip_tensions: tuple[float, float] | None = None
-    least_margin: float | None = None
-    worst_time: float | None = None
-    own_margin: float | None = None
-    own_slip_torque: float | None = None
+    margin: float | None = quantity("1")
+    sticking_margin: float | None = quantity("1")
+    slip_torque: float | None = quantity("N m")
+    slip_tensions: tuple[float, float] | None = quantity("N")
+    least_margin: float | None = quantity("1")
+    worst_time: float | None = quantity("s")
+    own_margin: float | None = quantity("1")
+    own_slip_torque: float | None = quantity("N m")
 
     @property
     def least(self) -> float:
@@ -134,39 +136,41 @@ class PulleyRow:
         return min(known, default=math.inf)
 
 
+@with_units
 @attrs.frozen(kw_only=True)
 class SpanRow:
     """A free span over the window. None: not known; ``Report.notes`` says why.
 
     Attributes:
         name: The pulleys that it is between, as "crank to pulley 1".
-        length: Length of its tangent [m]; None: the places of mounts are not known.
+        length: Length of its tangent; None: the places of mounts are not known.
         tension: Mean of the free joints; least and largest in its middle, of running means over the
-            passing of a link [N].
-        of_run: Mean tension of its joints over all of the run, the least and the largest [N].
+            passing of a link.
+        of_run: Mean tension of its joints over all of the run, the least and the largest.
         absent: Share of the samples of the run in which it has no tension, as no link of it is free
             between its pulleys or none touches one of them.
-        frequency: Frequency of the dominant line in the spectrum of the tension in its middle [Hz];
+        frequency: Frequency of the dominant line in the spectrum of the tension in its middle;
             None: there is none.
-        amplitude: Amplitude of that line [N].
+        amplitude: Amplitude of that line.
         link_passing: Whether that is the frequency with which links pass, a multiple of it, or its
             alias at this sampling: of the mesh, not of the drive. None: the window cannot tell,
             being too short or the speed uneven, or because something else is as near.
         lateral: First frequency of the span as a moving string, (c^2 - v^2) / (2 l c) with the
-            wave speed c [Hz]; 0 where the belt is faster than the wave.
+            wave speed c; 0 where the belt is faster than the wave.
     """
 
     name: str
-    length: float | None
-    tension: Spread | None = None
-    of_run: Spread | None = None
+    length: float | None = quantity("m", NOTHING)
+    tension: Spread | None = quantity("N")
+    of_run: Spread | None = quantity("N")
     absent: float = 0.0
-    frequency: float | None = None
-    amplitude: float | None = None
+    frequency: float | None = quantity("Hz")
+    amplitude: float | None = quantity("N")
     link_passing: bool | None = False
-    lateral: float | None = None
+    lateral: float | None = quantity("Hz")
 
 
+@with_units
 @attrs.frozen(kw_only=True)
 class MountRow:
     """An arm, slider or path over the window. None: it has no such part, or it is not known.
@@ -178,42 +182,43 @@ class MountRow:
     Attributes:
         name: Name of its pulley.
         kind: "arm", "slider" or "path".
-        travel: Travel from its place in the drive [rad or m]; for a path the distance of the axis
+        travel: Travel from its place in the drive; for a path the distance of the axis
             from there [m].
-        to_stop: Distance to the nearer stop [rad or m]; negative: it presses on it.
-        spring: Force of the spring, with preload and hung weight [N m or N].
-        damper: Force of the damper [N m or N].
-        friction: Friction in its pivot or guide [N m or N].
-        stop: Force of the stops [N m or N].
-        belt: Force of the belt on it [N m or N]: mean of the contact forces, range from the
+        to_stop: Distance to the nearer stop; negative: it presses on it.
+        spring: Force of the spring, with preload and hung weight.
+        damper: Force of the damper.
+        friction: Friction in its pivot or guide.
+        stop: Force of the stops.
+        belt: Force of the belt on it: mean of the contact forces, range from the
             tensions in the middle of the spans, as ``PulleyRow.hub_load``. Not for a path, whose
             hub load it is.
-        frequency: Frequency of the dominant line in the spectrum of the travel [Hz]; None: there is
+        frequency: Frequency of the dominant line in the spectrum of the travel; None: there is
             none.
-        amplitude: Amplitude of that line [rad or m].
+        amplitude: Amplitude of that line.
     """
 
     name: str
     kind: str
-    travel: Spread | None = None
-    to_stop: Spread | None = None
-    spring: Spread | None = None
-    damper: Spread | None = None
-    friction: Spread | None = None
-    stop: Spread | None = None
-    belt: Spread | None = None
-    frequency: float | None = None
-    amplitude: float | None = None
+    travel: Spread | None = quantity("rad or m")
+    to_stop: Spread | None = quantity("rad or m")
+    spring: Spread | None = quantity("N m or N")
+    damper: Spread | None = quantity("N m or N")
+    friction: Spread | None = quantity("N m or N")
+    stop: Spread | None = quantity("N m or N")
+    belt: Spread | None = quantity("N m or N")
+    frequency: float | None = quantity("Hz")
+    amplitude: float | None = quantity("rad or m")
 
 
+@with_units
 @attrs.frozen(kw_only=True)
 class Creep:
     """Why a pulley is slower than the driving one. Parts are -ln of ratios, and so add up [1].
 
     Attributes:
         name: The pulley.
-        ratio: Speed over that of the driving pulley, omega_k / omega_d [1].
-        nominal: That by the radii, R_d / R_k, with the sign of the sides [1].
+        ratio: Speed over that of the driving pulley, omega_k / omega_d.
+        nominal: That by the radii, R_d / R_k, with the sign of the sides.
         lost: -ln(ratio / nominal): speed lost against the driving pulley's rim.
         stretch: Part due to the belt's stretch: it arrives less stretched than at the driving
             pulley.
@@ -225,8 +230,8 @@ class Creep:
     """
 
     name: str
-    ratio: float
-    nominal: float
+    ratio: float = quantity("1", NOTHING)
+    nominal: float = quantity("1", NOTHING)
     lost: float
     stretch: float
     friction: float
@@ -249,6 +254,7 @@ class Creep:
         return self.slower / self.lost if self.lost != 0.0 else 1.0
 
 
+@with_units
 @attrs.frozen(kw_only=True)
 class Power:
     """Where power goes, mean over the window.
@@ -256,29 +262,30 @@ class Power:
     Attributes:
         name: Name of a pulley or a loss.
         kind: "in" (put in by a pulley), "out" (taken off by one), "lost", "stored" or "left".
-        power: Magnitude [W]; the input power is the sum of all others.
-        share: Share of the input power [1]; None where there is none.
+        power: Magnitude; the input power is the sum of all others.
+        share: Share of the input power; None where there is none.
     """
 
     name: str
     kind: str
-    power: float
-    share: float | None = None
+    power: float = quantity("W", NOTHING)
+    share: float | None = quantity("1")
 
 
+@with_units
 @attrs.frozen(kw_only=True)
 class Cycle:
     """Cycles of the force in a joint, counted by rainflow (ASTM E1049-85).
 
     Attributes:
-        range: Range from lowest to highest force, mean of the class [N].
-        mean: Mean force, mean of the class [N].
-        count: Number of cycles; those not closed count one half [1].
+        range: Range from lowest to highest force, mean of the class.
+        mean: Mean force, mean of the class.
+        count: Number of cycles; those not closed count one half.
     """
 
-    range: float
-    mean: float
-    count: float
+    range: float = quantity("N", NOTHING)
+    mean: float = quantity("N", NOTHING)
+    count: float = quantity("1", NOTHING)
 
 
 class Rows(tuple[_Row, ...], Generic[_Row]):
@@ -308,39 +315,39 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
         return tuple(str(getattr(row, "name", "")) for row in self)
 
 
+@with_units
 @attrs.frozen(kw_only=True)
 class ReportData:
     """Data of a report.
 
     Attributes:
-        begin: First sample of the window [s].
-        end: Last one [s].
+        begin: First sample of the window.
+        end: Last one.
         samples: Number of samples.
         driver: Name of the pulley that drives the belt; None if the belt stands still.
-        belt_speed: Mean speed of the belt in the order of its links, along itself [m/s].
-        belt_speeds: The same with its range, without the ripple of passing links [m/s].
-        rest_tension: Mean tension of the belt at rest [N]; None with the paper's mesh, on which it
+        belt_speed: Mean speed of the belt in the order of its links, along itself.
+        belt_speeds: The same with its range, without the ripple of passing links.
+        rest_tension: Mean tension of the belt at rest; None with the paper's mesh, on which it
             is higher on pulleys than in spans.
-        mass_tension: Centrifugal tension rho v^2, the part of every tension that turns the belt
-            [N].
+        mass_tension: Centrifugal tension rho v^2, the part of every tension that turns the belt.
         pulleys: A row for each pulley.
         spans: A row for each free span; none with one pulley.
         mounts: A row for each arm, slider and path.
         creep: A row for each pulley but the driving one.
         powers: Power balance; the input power is the sum of all others.
-        efficiency: Share of the input power that is not lost [1].
-        efficiency_error: Its error, or where it is None that of what is lost over what is put in
-            [1]: that of the powers if the run was verified; else what the mesh adds to the losses,
+        efficiency: Share of the input power that is not lost.
+        efficiency_error: Its error, or where it is None that of what is lost over what is put in:
+            that of the powers if the run was verified; else what the mesh adds to the losses,
             nearly all of the contact's damping, of links that land.
-        power_error: Error of the powers, relative to the largest of a pulley in the run [1], as
+        power_error: Error of the powers, relative to the largest of a pulley in the run, as
             ``result.accuracy`` has it.
-        tension_error: Error of the spans' mean tensions [1], as ``result.accuracy`` has it.
-        creep_error: The same of creep, relative to the largest [1]; None without verification.
+        tension_error: Error of the spans' mean tensions, as ``result.accuracy`` has it.
+        creep_error: The same of creep, relative to the largest; None without verification.
         nodes: What the belt consists of: "links", "point masses", or "cells", which stand still.
         cycles: Load cycles of a joint, largest range first; of an ALE belt those of the belt that
             is in the middle of a cell at the end.
         joint: That joint, or cell.
-        cycles_begin: Time from which they are counted [s]: a round of the belt before the end of
+        cycles_begin: Time from which they are counted: a round of the belt before the end of
             the run, or the beginning of the window if that is earlier.
         rounds: Rounds that the belt makes from then on.
         unsteady: What is not steady in the window, and by how much; empty: it is steady.
@@ -349,28 +356,28 @@ class ReportData:
         warnings: Warnings of the run, ``result.warnings``.
     """
 
-    begin: float
-    end: float
+    begin: float = quantity("s", NOTHING)
+    end: float = quantity("s", NOTHING)
     samples: int
     driver: str | None
-    belt_speed: float | None
-    belt_speeds: Spread | None
-    rest_tension: float | None
-    mass_tension: float | None
+    belt_speed: float | None = quantity("m/s", NOTHING)
+    belt_speeds: Spread | None = quantity("m/s", NOTHING)
+    rest_tension: float | None = quantity("N", NOTHING)
+    mass_tension: float | None = quantity("N", NOTHING)
     pulleys: Rows[PulleyRow]
     spans: Rows[SpanRow]
     mounts: Rows[MountRow]
     creep: Rows[Creep]
     powers: Rows[Power]
-    efficiency: float | None
-    efficiency_error: float | None
-    power_error: float | None
-    tension_error: float | None
-    creep_error: float | None
+    efficiency: float | None = quantity("1", NOTHING)
+    efficiency_error: float | None = quantity("1", NOTHING)
+    power_error: float | None = quantity("1", NOTHING)
+    tension_error: float | None = quantity("1", NOTHING)
+    creep_error: float | None = quantity("1", NOTHING)
     nodes: str
     cycles: tuple[Cycle, ...]
     joint: int
-    cycles_begin: float
+    cycles_begin: float = quantity("s", NOTHING)
     rounds: float | None
     unsteady: tuple[str, ...]
     notes: tuple[str, ...]
