@@ -82,7 +82,6 @@ from .outputs.histories import GROUPS as _GROUPS
 from .outputs.histories import Stats
 from .outputs.places import AlongBelt
 from .outputs.state import State, Tensions
-from .report import Report
 from .result.errors import Interrupted, SimulationError
 from .result.result import Result
 from .run.checkpoints import Checkpoint
@@ -103,6 +102,7 @@ if TYPE_CHECKING:
         Target,
         identify,
     )
+    from .report import Report
     from .sweeping.sampling import Samples, sample
     from .sweeping.sensitivity import Sensitivity, sensitivity
     from .sweeping.sweep import SweepInterrupted, sweep
@@ -217,6 +217,7 @@ _LATE = {
     "explaining": "Explanation explain",
     "identification": "Experiment Free Identification IdentificationInterrupted Target identify",
     "plot": "",  # needs matplotlib
+    "report": "Report",
     "scenes": "",
     "spectra": "",
     "sweeping": "Samples Sensitivity SweepInterrupted sample sensitivity sweep",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import attrs
 import numpy as np
@@ -39,8 +39,10 @@ from ..outputs.places import AlongBelt, along, along_cells, flow_of, momentum_fl
 from ..outputs.selection import has, lacking
 from ..outputs.spans import has_angles, span_tension
 from ..outputs.state import State
-from ..report import Report, creep_of, make_report, speed_errors
 from . import exported, labelled, saved
+
+if TYPE_CHECKING:
+    from ..report import Report
 
 __all__ = ["Result"]
 
@@ -368,6 +370,8 @@ class Result:
             TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has less than two
                 samples.
         """
+        from ..report import make_report  # which no run needs
+
         return make_report(self, last, joint)
 
     def __repr__(self) -> str:
@@ -401,6 +405,8 @@ class Result:
         names = self.params.pulley_names
         spans = [span_name(k, names, unnamed="") for k in range(len(names))]
         named = any(spans)
+
+        from ..report import creep_of, speed_errors  # which no run needs
 
         def listed(values: Array, error: ArrayLike | None, of: Sequence[str], unit: str) -> str:
             off = np.broadcast_to(np.nan if error is None else error, values.shape)
