@@ -82,10 +82,15 @@ QUIET_RUN = Option("quiet", bool, "Print nothing but errors; --out keeps the war
 
 def options(*rows: str | Option) -> Callable[[_Command], _Command]:
     """Add options to a command, in this order: rows of its own, and names of shared ones."""
+    chosen = [
+        option
+        for row in rows
+        for option in ([row] if isinstance(row, Option) else map(_SHARED.__getitem__, row.split()))
+    ]
 
     def decorate(command: _Command) -> _Command:
-        for row in reversed(rows):
-            command = (_SHARED[row] if isinstance(row, str) else row)(command)
+        for option in reversed(chosen):
+            command = option(command)
         return command
 
     return decorate

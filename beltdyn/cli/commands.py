@@ -143,14 +143,7 @@ def show(scene: str, mesh: str | None, plot: Path | None) -> None:
 @main.command()
 @click.argument("scene")
 @options(
-    "mesh",
-    "out",
-    "plot",
-    "animate",
-    "method",
-    "rtol",
-    "step",
-    "t_end",
+    "mesh out plot animate method rtol step t_end",
     Option("verify", bool, "Run again, finer, on other meshes: print the errors."),
     Option("error", float, "Choose method, rtol and n_bodies for this error, 0.01: 1 %."),
     Option("quantity", click.Choice(QUANTITIES), "What --error is the error of.", "tension"),
@@ -165,8 +158,7 @@ def show(scene: str, mesh: str | None, plot: Path | None) -> None:
         "Write the run here as it goes; `beltdyn resume` goes on with it after a kill.",
     ),
     Option("checkpoint_every", float, "Wall time between two of these writes [s].", 30.0),
-    "full",
-    "verbose",
+    "full verbose",
     QUIET_RUN,
 )
 @click.pass_context
@@ -364,8 +356,7 @@ def study_accuracy(
     "mesh",
     Option("error", float, "Error asked for.", 1e-2),
     Option("budget", float, "CPU time for it, about [s].", 30.0),
-    "method",
-    "t_end",
+    "method t_end",
 )
 def explain_scene(
     scene: str, mesh: str | None, error: float, budget: float, method: str, t_end: float | None

@@ -19,13 +19,9 @@ __all__ = ["resume_run"]
 @click.command("resume")
 @click.argument("file", type=PATH)
 @options(
-    "out",
-    "plot",
-    "animate",
-    "last",
+    "out plot animate last",
     Option("checkpoint_every", float, "Wall time between two writes of FILE [s]."),
-    "full",
-    "verbose",
+    "full verbose",
     QUIET_RUN,
 )
 def resume_run(

@@ -58,16 +58,13 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
         base = top
     # E(t) - E(0), where E(0) is that of the start of the run, which may precede the first sample.
     stored = ledger.residual + ledger.drive - ledger.losses
-    ax.plot(result.t, base + stored, color=style.COLOURS[0], lw=2.4, label="losses + stored")
-    ax.plot(
-        result.t,
-        ledger.drive,
-        color="black",
-        ls=(0, (4, 2)),
-        lw=1.0,
-        label="net work of set torques",
-    )
-    ax.plot(result.t, stored, color=style.COLOURS[0], ls=style.DASHES[3], lw=1.4, label="stored")
+    blue = style.COLOURS[0]
+    for values, label, colour, dashes, width in (
+        (base + stored, "losses + stored", blue, "-", 2.4),
+        (ledger.drive, "net work of set torques", "black", (0, (4, 2)), 1.0),
+        (stored, "stored", blue, style.DASHES[3], 1.4),
+    ):
+        ax.plot(result.t, values, color=colour, ls=dashes, lw=width, label=label)
     worst = float(np.abs(ledger.residual).max())
     passed = float(ledger.passed[-1])
     amount = f"{passed:.3g} J" if passed < 1e3 else f"{passed / 1e3:.3g} kJ"

@@ -14,7 +14,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
-from ..base.checks import Array, close_to, shown
+from ..base.checks import Array
 from . import style, swept
 from .panel import passes_on
 
@@ -84,9 +84,7 @@ def lines(
         TypeError, ValueError: An argument breaks its rule; another dimension is left.
         ImportError: xarray is not installed.
     """
-    swept.check(dataset, quantity)
-    part, where = swept.choose(dataset, quantity, at)
-    part = part.squeeze([dim for dim in part.dims if part.sizes[dim] == 1 and dim not in (x, by)])
+    part, where = swept.choose(dataset, quantity, at, (x, by))
     along, apart = _named(part, quantity, x, by)
     ax = style.axes(ax)
     scale = swept.scale_of(part, along)
@@ -150,14 +148,7 @@ def _named(part: Any, quantity: str, x: object, by: object) -> tuple[str, str | 
     dims = [str(dim) for dim in part[quantity].dims]
     of_runs = swept.swept_names(part) if "run" in dims else []
     known = [*(dim for dim in dims if dim != "run"), *of_runs, *(["run"] if "run" in dims else [])]
-    for field, name in (("x", x), ("by", by)):
-        if name is not None and name not in known:
-            raise ValueError(
-                f"{field} must be one of {', '.join(known)}, got {shown(name)}"
-                f"{close_to(name, known) if isinstance(name, str) else ''}"
-            )
-    if x is not None and x == by:
-        raise ValueError(f"x and by must differ, both are {x!r}")
+    swept.check_names(known, x=x, by=by)
     rest = [name for name in known if name not in (x, by, "run")]
     if x is None:
         if not rest:

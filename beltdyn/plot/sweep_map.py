@@ -15,7 +15,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
-from ..base.checks import close_to, integer, real_array, shown
+from ..base.checks import integer, real_array
 from . import style, swept
 from .panel import passes_on
 
@@ -58,10 +58,8 @@ def map(
         TypeError, ValueError: An argument breaks its rule; more than two dimensions are left.
         ImportError: xarray is not installed.
     """
-    swept.check(dataset, quantity)
     levels = _levels_asked(contours)
-    part, where = swept.choose(dataset, quantity, at)
-    part = part.squeeze([dim for dim in part.dims if part.sizes[dim] == 1 and dim not in (x, y)])
+    part, where = swept.choose(dataset, quantity, at, (x, y))
     points = "run" in part.dims
     along, up = _two(part, quantity, x, y, points)
     ax = style.axes(ax, 4.4)
@@ -91,14 +89,7 @@ def _two(part: Any, quantity: str, x: object, y: object, points: bool) -> tuple[
     """Find the names along the axes."""
     dims = [str(dim) for dim in part[quantity].dims]
     known = swept.swept_names(part) if points else dims
-    for field, name in (("x", x), ("y", y)):
-        if name is not None and name not in known:
-            raise ValueError(
-                f"{field} must be one of {', '.join(known)}, got {shown(name)}"
-                f"{close_to(name, known) if isinstance(name, str) else ''}"
-            )
-    if x is not None and x == y:
-        raise ValueError(f"x and y must differ, both are {x!r}")
+    swept.check_names(known, x=x, y=y)
     rest = [name for name in known if name not in (x, y)]
     named = [str(name) for name in (x, y) if name is not None]
     needed = 2 - len(named)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import attrs
@@ -19,6 +19,7 @@ __all__ = [
     "FAILED_LOOKS",
     "Scale",
     "check",
+    "check_names",
     "choose",
     "failures",
     "label",
@@ -70,6 +71,19 @@ def check(dataset: object, quantity: object) -> Any:
     return dataset[quantity]
 
 
+def check_names(known: Sequence[str], **named: object) -> None:
+    """Check the two names given for axes, None where none is."""
+    for field, name in named.items():
+        if name is not None and name not in known:
+            raise ValueError(
+                f"{field} must be one of {', '.join(known)}, got {shown(name)}"
+                f"{close_to(name, known) if isinstance(name, str) else ''}"
+            )
+    one, other = named.values()
+    if one is not None and one == other:
+        raise ValueError(f"{' and '.join(named)} must differ, both are {one!r}")
+
+
 def swept_names(dataset: Any) -> list[str]:
     """Return the swept names: dimensions of a grid, else coordinates of the runs."""
     dims = [str(dim) for dim in dataset["status"].dims]
@@ -84,15 +98,17 @@ def own_names(dataset: Any, array: Any) -> list[str]:
     return [str(dim) for dim in array.dims if dim not in dataset["status"].dims]
 
 
-def choose(dataset: Any, quantity: str, at: object) -> tuple[Any, str]:
-    """Return the part of a sweep at some values, with this quantity alone, and these as a text."""
+def choose(dataset: Any, quantity: str, at: object, named: Sequence[object]) -> tuple[Any, str]:
+    """Return the part of a sweep at some values, with this quantity alone, and these as a text.
+
+    Dimensions of one value are left out unless they are ``named`` for an axis.
+    """
+    check(dataset, quantity)
     part = dataset[[quantity, "status"]]
-    if at is None:
-        return part.compute(), ""
-    if not isinstance(at, Mapping):
+    if not (at is None or isinstance(at, Mapping)):
         raise TypeError(f"at must be a dict of values by name, got {shown(at)}")
     texts = []
-    for name, value in at.items():
+    for name, value in (at or {}).items():
         if name not in part.dims:
             known = [str(dim) for dim in part.dims]
             raise ValueError(
@@ -104,7 +120,8 @@ def choose(dataset: Any, quantity: str, at: object) -> tuple[Any, str]:
         else:
             texts.append(f"{name} {k}")
         part = part.isel({name: k})
-    return part.compute(), "; ".join(texts)
+    single = [dim for dim in part.dims if part.sizes[dim] == 1 and dim not in named]
+    return part.compute().squeeze(single), "; ".join(texts)
 
 
 def _index(part: Any, name: str, value: Any) -> int:
@@ -200,33 +217,22 @@ class Scale:
 
 def scale_of(dataset: Any, name: str) -> Scale:
     """Return the scale of a coordinate, or of the numbers along a dimension without one."""
-    if name not in dataset.coords:
-        values = np.arange(dataset.sizes[name], dtype=np.float64)
-        order = np.arange(values.size)
-        return Scale(name=name, label=name, values=values, order=order, texts=None, log=False)
-    array = dataset[name]
-    if array.dtype.kind not in "iuf":
-        names = [style.plain(str(one)) for one in array.values]
+    known = name in dataset.coords
+    found: Any = dataset[name].values if known else np.arange(dataset.sizes[name])
+    texts = None
+    if found.dtype.kind not in "iuf":
+        names = [style.plain(str(one)) for one in found]
         texts = tuple(dict.fromkeys(names))
-        values = np.array([texts.index(one) for one in names], dtype=np.float64)
-        order = np.argsort(values, kind="stable")
-        return Scale(
-            name=name,
-            label=label(array),
-            values=values[order],
-            order=order,
-            texts=texts,
-            log=False,
-        )
-    values = np.asarray(array.values, dtype=np.float64)
+        found = [texts.index(one) for one in names]
+    values = np.asarray(found, dtype=np.float64)
     order = np.argsort(values, kind="stable")
     return Scale(
         name=name,
-        label=label(array),
+        label=label(dataset[name]) if known else name,
         values=values[order],
         order=order,
-        texts=None,
-        log=_geometric(values[order]),
+        texts=texts,
+        log=known and texts is None and _geometric(values[order]),
     )
 
 
