@@ -15,7 +15,7 @@ from ..drive.params import Params
 from ..drive.parts import Pulley, as_pulleys
 from ..drive.route import route
 from . import style
-from .labels import place_names
+from .labels import per_unit, place_names
 from .mounting import MountPicture
 
 __all__ = ["layout"]
@@ -98,42 +98,29 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
     ax.margins(0.12)
     crossed = ", crossed" if way.turns == 0 else ""
     ax.set_title(f"belt line of {way.length:.4g} m{crossed}", fontsize="medium")
-    # Names cover neither arrows nor mounts.
-    marks = np.concatenate([np.array(tips).reshape(-1, 2), MountPicture.reach(pulleys)])
-    radii = radii[:, 0]
-    _place_labels(
-        ax, names, spans, np.asarray(way.spans), centers, radii, np.concatenate(line), marks
+    kept, short = _by_room(ax, spans, way.spans)
+    place_names(
+        ax,
+        names + short,
+        np.concatenate([centers, *([text.get_position()] for text in short)]),
+        np.concatenate([radii[:, 0], np.zeros(len(short))]),
+        np.concatenate(line),
+        fixed=kept,
+        # Names cover neither arrows nor mounts.
+        pivots=np.concatenate([np.array(tips).reshape(-1, 2), MountPicture.reach(pulleys)]),
     )
     return ax
 
 
-def _place_labels(
-    ax: Axes,
-    names: list[Text],
-    spans: list[Text],
-    lengths: Array,
-    centers: Array,
-    radii: Array,
-    line: Array,
-    marks: Array,
-) -> None:
-    """Put names beside pulleys, and lengths beside spans, that are too small to carry them."""
+def _by_room(ax: Axes, texts: list[Text], lengths: Array) -> tuple[list[Text], list[Text]]:
+    """Return the lengths that their spans have room for, and those to be put beside them."""
     style.settle_layout(ax)
-    scale = float(np.abs(np.diff(ax.transData.transform([(0.0, 0.0), (1.0, 0.0)])[:, 0]))[0])
+    pixels = per_unit(ax) * ax.figure.figure.dpi / 72.0
     kept: list[Text] = []
     short: list[Text] = []
-    for text, length in zip(spans, lengths, strict=False):
+    for text, length in zip(texts, lengths, strict=False):
         box = text.get_window_extent()
-        fits = box.width + 2.0 * box.height < scale * length
+        fits = box.width + 2.0 * box.height < pixels * length
         free = not any(box.overlaps(other.get_window_extent()) for other in kept)
         (kept if fits and free else short).append(text)
-    at = np.array([text.get_position() for text in short]).reshape(-1, 2)
-    place_names(
-        ax,
-        names + short,
-        np.concatenate([centers, at]),
-        np.concatenate([radii, np.zeros(len(short))]),
-        line,
-        fixed=kept,
-        pivots=marks,
-    )
+    return kept, short
