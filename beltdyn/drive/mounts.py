@@ -15,7 +15,7 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..base.checks import Array, pair, real, real_array
+from ..base.checks import Array, pair, real_array
 from .rules import Printable, Rule, from_table, rules_of
 
 __all__ = [
@@ -40,10 +40,7 @@ class MountKind(NamedTuple):
     Attributes:
         name: Name in the core, in TOML files and in reports.
         part: Name in modes.
-        angle: Whether its travel is one [rad] or a length [m]; None: the time.
-        force: Unit of what acts on it in the sense of its travel.
-        shown: Factor and unit in which travels are printed.
-        sense: In which they count.
+        sense: In which travels and forces count.
         remark: Remark in reports.
         guide: Field of the core's pair, along which it moves.
         free: Field of the travel at which its spring is unloaded.
@@ -52,14 +49,27 @@ class MountKind(NamedTuple):
 
     name: str
     part: str
-    angle: bool | None
-    force: str
-    shown: tuple[float, str]
     sense: str
     remark: str
     guide: str = ""
     free: str = ""
     spring: str = "spring"
+
+    @property
+    def angle(self) -> bool | None:
+        """Whether its travel is one [rad] or a length [m]; None: the time."""
+        stop = rules_of(self.name).get("lowest")
+        return None if stop is None else stop.unit == "rad"
+
+    @property
+    def force(self) -> str:
+        """Unit of what acts on it in the sense of its travel."""
+        return self.unit("N m or N")
+
+    @property
+    def shown(self) -> tuple[float, str]:
+        """Factor and unit in which travels are printed."""
+        return (180.0 / math.pi, "deg") if self.angle else (1e3, "mm")
 
     @property
     def moves(self) -> bool:
@@ -87,32 +97,25 @@ _PIVOT = _pair("arm", "pivot", "m", "about which it turns")
 _DIRECTION = _pair("slider", "direction", "1", "of its travel")
 
 
-def _stops(name: str, value: Sequence[float] | None, unit: str) -> Stops:
-    if value is None:
-        return None
-    low, high = pair(name, value, unit)
-    if not low < high:
-        raise ValueError(
-            f"{name} must be (lowest, highest) with lowest < highest ({unit}), "
-            f"got ({low:g}, {high:g})"
-        )
-    return low, high
-
-
 def _stops_of(group: str, unit: str) -> dict[str, Any]:
     def converter(value: Sequence[float] | None) -> Stops:
-        return _stops(f"{group}.stops", value, unit)
+        if value is None:
+            return None
+        low, high = pair(f"{group}.stops", value, unit)
+        if not low < high:
+            raise ValueError(
+                f"{group}.stops must be (lowest, highest) with lowest < highest ({unit}), "
+                f"got ({low:g}, {high:g})"
+            )
+        return low, high
 
-    rule = _pair(group, "stops", unit, _STOPS)
-    return {"converter": converter, "metadata": {"rule": rule}}
+    return {"converter": converter, "metadata": {"rule": _pair(group, "stops", unit, _STOPS)}}
 
 
-def _unloaded_of(group: str, name: str, unit: str) -> dict[str, Any]:
-    def converter(value: float | None) -> float | None:
-        return None if value is None else real(f"{group}.{name}", value, unit)
-
-    rule = Rule(group, name, "FINITE", unit, _UNLOADED)
-    return {"converter": converter, "metadata": {"rule": rule}}
+def _preloads_of(group: str, free: str, unit: str) -> tuple[Rule, Rule]:
+    """Return the rules of what a preload may follow from."""
+    held = Rule(group, "tension", "POSITIVE", "N", _HELD)
+    return held, Rule(group, free, "FINITE", unit, _UNLOADED)
 
 
 class Sprung(Printable):
@@ -204,10 +207,10 @@ class Sprung(Printable):
         return group, getattr(self, self._row.guide), numbers
 
 
-_OF_ARM = Rule("arm", "tension", "POSITIVE", "N", _HELD)
-
-
-@attrs.frozen(kw_only=True, field_transformer=from_table("arm", _PIVOT, _OF_ARM))
+@attrs.frozen(
+    kw_only=True,
+    field_transformer=from_table("arm", _PIVOT, *_preloads_of("arm", "free_angle", "rad")),
+)
 class Arm(Sprung):
     """An arm that turns about a pivot: a belt tensioner.
 
@@ -245,9 +248,6 @@ class Arm(Sprung):
     _row: ClassVar[MountKind] = MountKind(
         name="arm",
         part="arm",
-        angle=True,
-        force="N m",
-        shown=(180.0 / math.pi, "deg"),
         sense="counter-clockwise",
         remark="Arms: travel from the drawn place and torques counter-clockwise.",
         guide="pivot",
@@ -262,7 +262,7 @@ class Arm(Sprung):
     mass: float = 0.0
     stiffness: float = 0.0
     preload: float | None = None
-    free_angle: float | None = attrs.field(default=None, **_unloaded_of("arm", "free_angle", "rad"))
+    free_angle: float | None = None
     tension: float | None = None
     damping: float = 0.0
     friction: float = 0.0
@@ -279,10 +279,10 @@ def _direction(value: Sequence[float]) -> tuple[float, float]:
     return x, y
 
 
-_OF_SLIDER = Rule("slider", "tension", "POSITIVE", "N", _HELD)
-
-
-@attrs.frozen(kw_only=True, field_transformer=from_table("slider", _OF_SLIDER))
+@attrs.frozen(
+    kw_only=True,
+    field_transformer=from_table("slider", *_preloads_of("slider", "free_travel", "m")),
+)
 class Slider(Sprung):
     """A carriage that moves along a line: a take-up, with a spring, a screw or a weight.
 
@@ -316,9 +316,6 @@ class Slider(Sprung):
     _row: ClassVar[MountKind] = MountKind(
         name="slider",
         part="carriage",
-        angle=False,
-        force="N",
-        shown=(1e3, "mm"),
         sense="forward",
         remark="Sliders: travel from the drawn place and forces along their direction.",
         guide="direction",
@@ -338,9 +335,7 @@ class Slider(Sprung):
     weight: float = 0.0
     stiffness: float = 0.0
     preload: float | None = None
-    free_travel: float | None = attrs.field(
-        default=None, **_unloaded_of("slider", "free_travel", "m")
-    )
+    free_travel: float | None = None
     tension: float | None = None
     damping: float = 0.0
     friction: float = 0.0
@@ -378,9 +373,6 @@ class Path(Printable):
     _row: ClassVar[MountKind] = MountKind(
         name="path",
         part="axis",
-        angle=None,
-        force="N",
-        shown=(1e3, "mm"),
         sense="",
         remark="Paths: distance of the axis from the drawn place.",
     )

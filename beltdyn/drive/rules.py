@@ -48,7 +48,8 @@ class Rule(NamedTuple):
         if self.rule == "FLAG":
             return checks.flag(label, value)
         if (self.group, self.name) not in _OF_CORE:
-            return checks.positive(label, value, self.unit)
+            known = checks.real if self.rule == "FINITE" else checks.positive
+            return known(label, value, self.unit)
         if self.rule == "POSITIVES":
             return tuple(map(self._number, checks.real_numbers(label, value, self.unit)))
         return self._number(value)
