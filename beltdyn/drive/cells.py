@@ -7,24 +7,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import attrs
 import numpy as np
-from numpy.typing import NDArray
 
-from .. import _core
 from ..base.checks import Array
 from ..base.rounding import percent
 from ..base.run_warnings import RunWarning
-from . import compliance
+from .compliance import Drive
 from .parts import CHOOSE, Pulley
 from .route import Route
 from .span import Span
-from .tensioning import Tensioning
 
 __all__ = [
-    "Drive",
     "cheaper",
     "chosen",
     "describe",
@@ -73,21 +69,6 @@ LANDING, EXPLICIT = 1.5, 2.5
 CHEAPER, WORTH = 10.0, 3e5
 #: Error above which a frequency is not returned; margin below the first such frequency.
 AMISS, NEAR = 0.01, 0.97
-
-
-class Drive(compliance.Drive, Protocol):
-    """The part of :class:`beltdyn.Params` that is needed here; it imports this module."""
-
-    @property
-    def tensioning(self) -> Tensioning:
-        """How the belt is tensioned."""
-
-    @property
-    def _belt_facts(self) -> _core.BeltFacts: ...
-    @property
-    def _wave_speed(self) -> float: ...
-    @property
-    def _cells(self) -> NDArray[np.int32]: ...
 
 
 D = TypeVar("D", bound=Drive)

@@ -30,18 +30,19 @@ from typing import Protocol
 
 import attrs
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from ..base.checks import Array
 from ..base.rounding import percent
+from .friction import Friction
 from .parts import Belt, Contact, Pulley
 from .route import Route
 from .span import Span
+from .tensioning import Tensioning
 
 __all__ = [
     "Compliance",
-    "Drive",
     "complete",
     "compliance",
     "compliance_error",
@@ -62,35 +63,40 @@ CREEP = 1e-3
 
 
 class Drive(Protocol):
-    """The part of :class:`beltdyn.Params` that is needed here; it imports this module."""
+    """The part of :class:`beltdyn.Params` that is needed by modules that it imports."""
 
     @property
-    def belt(self) -> Belt:
-        """The belt."""
-
+    def belt(self) -> Belt: ...
     @property
-    def pulleys(self) -> tuple[Pulley, ...]:
-        """The pulleys."""
-
+    def pulleys(self) -> tuple[Pulley, ...]: ...
     @property
-    def effective_contact(self) -> Contact:
-        """The contact with all its numbers."""
-
+    def contact(self) -> Contact: ...
     @property
-    def info(self) -> Mapping[str, float | int]:
-        """Quantities derived from the parameters."""
-
+    def gravity(self) -> tuple[float, float]: ...
+    @property
+    def tensioning(self) -> Tensioning: ...
+    @property
+    def effective_contact(self) -> Contact: ...
+    @property
+    def info(self) -> Mapping[str, float | int]: ...
+    @property
+    def route(self) -> Route: ...
     @property
     def _model(self) -> _core.Model: ...
     @property
     def _radii(self) -> Array: ...
-
     @property
-    def route(self) -> Route:
-        """The way of the belt."""
-
-    def label(self, pulley: int) -> str:
-        """Return the name of a pulley in texts."""
+    def _belt_facts(self) -> _core.BeltFacts: ...
+    @property
+    def _wave_speed(self) -> float: ...
+    @property
+    def _cells(self) -> NDArray[np.int32]: ...
+    @property
+    def _slip_limits(self) -> tuple[Array, Array]: ...
+    @property
+    def _compliance_error(self) -> dict[str, float]: ...
+    def friction_on(self, pulley: int) -> Friction | None: ...
+    def label(self, pulley: int) -> str: ...
 
 
 @attrs.frozen(kw_only=True, eq=False)

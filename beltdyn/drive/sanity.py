@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Protocol
 
 import attrs
 import numpy as np
@@ -18,8 +17,8 @@ from ..base.checks import Array
 from ..base.rounding import percent
 from ..base.run_warnings import RunWarning
 from . import cells, compliance
+from .compliance import Drive
 from .friction import Friction
-from .parts import Contact
 from .rules import rules_of
 
 __all__ = [
@@ -87,20 +86,6 @@ BRISTLE = 0.25
 #: 15 to 500 in percent. With 15 a wrap of half a turn could already carry any torque (e^(15 pi)).
 #: Values above 500 are taken as the wish that nothing slips [1].
 PERCENT = (15.0, 500.0)
-
-
-class Drive(cells.Drive, Protocol):
-    """The part of :class:`beltdyn.Params` that is checked; it imports this module to print them."""
-
-    @property
-    def contact(self) -> Contact: ...
-    @property
-    def _slip_limits(self) -> tuple[Array, Array]: ...
-    def friction_on(self, pulley: int) -> Friction | None: ...
-    @property
-    def gravity(self) -> tuple[float, float]: ...
-    @property
-    def _compliance_error(self) -> dict[str, float]: ...
 
 
 def check(params: Drive) -> tuple[RunWarning, ...]:

@@ -12,10 +12,20 @@ import numpy as np
 from ..base import tables
 from ..base.checks import Array
 from ..base.rounding import percent
+from ..base.run_warnings import RunWarning
 from ..drive import sanity
-from ..drive.sanity import Drive
+from ..drive.params import Params
 from .averages import LAST, time_weights
-from .histories import ContactHistory, EnergyLedger, JointHistory, Stats
+from .histories import (
+    BeltHistory,
+    ContactHistory,
+    CouplingHistory,
+    EnergyLedger,
+    JointHistory,
+    MountHistory,
+    PulleyHistory,
+    Stats,
+)
 from .spans import span_tension
 from .state import State
 
@@ -265,24 +275,39 @@ class Expected:
 
 
 class Run(Protocol):
-    """The part of :class:`beltdyn.Result` that is needed here; it imports this module."""
+    """The part of :class:`beltdyn.Result` that is needed by modules that it imports."""
 
     @property
     def t(self) -> Array: ...
     @property
-    def contact(self) -> ContactHistory: ...
+    def params(self) -> Params: ...
+    @property
+    def pulleys(self) -> PulleyHistory: ...
+    @property
+    def belt(self) -> BeltHistory: ...
     @property
     def joints(self) -> JointHistory: ...
     @property
+    def contact(self) -> ContactHistory: ...
+    @property
+    def mounts(self) -> MountHistory | None: ...
+    @property
+    def couplings(self) -> CouplingHistory | None: ...
+    @property
     def energy(self) -> EnergyLedger | None: ...
+    @property
+    def span_tension(self) -> Array: ...
     @property
     def stats(self) -> Stats: ...
     @property
-    def params(self) -> Drive: ...
+    def accuracy(self) -> Accuracy: ...
+    @property
+    def warnings(self) -> tuple[RunWarning, ...]: ...
     @property
     def prescribed(self) -> tuple[str, ...]: ...
     @property
     def _running(self) -> Running | None: ...
+    def _rims(self) -> Array | None: ...
     def _has(self, name: str) -> bool: ...
 
 
@@ -329,7 +354,7 @@ class Running:
     power: float = 0.0
 
 
-def running(params: Drive, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
+def running(params: Params, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
     """Read motion and load of the belt off a run."""
     radii = params._radii
     omega, torque, across = arrays["omega"], arrays["torque"], arrays["across"][:, 0]

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Protocol
+from typing import Any
 
 import attrs
 import numpy as np
 
 from ..base.checks import Array
-from ..drive.params import Params
-from .histories import BeltHistory, PulleyHistory
+from .accuracy_report import Run
 
 __all__ = [
     "HARMONICS",
     "NEAR",
-    "Sampled",
     "Source",
     "belt_rate",
     "belt_turning",
@@ -39,28 +37,6 @@ MEASURED, FROM_RIMS = 5e-4, 2e-2
 SURE = 10.0
 #: Turns in the window below which something stands still.
 STILL = 1e-3
-
-
-class Sampled(Protocol):
-    """The part of :class:`beltdyn.Result` that is needed here; it imports the report, this too."""
-
-    @property
-    def t(self) -> Array:
-        """Sample times [s]."""
-
-    @property
-    def params(self) -> Params:
-        """The drive."""
-
-    @property
-    def pulleys(self) -> PulleyHistory:
-        """Histories of the pulleys."""
-
-    @property
-    def belt(self) -> BeltHistory:
-        """Histories of the links."""
-
-    def _has(self, name: str) -> bool: ...
 
 
 @attrs.frozen(kw_only=True)
@@ -96,7 +72,7 @@ class Source:
         return len(self.kept)
 
 
-def belt_rate(result: Sampled, rows: Any = slice(None)) -> Array | None:
+def belt_rate(result: Run, rows: Any = slice(None)) -> Array | None:
     """Return the belt passing frequency: revolutions of the belt per second, >= 0, (n_t,) [Hz].
 
     The flow of an ALE belt over L. Else the mean speed of the links over the present length of the
@@ -111,7 +87,7 @@ def belt_rate(result: Sampled, rows: Any = slice(None)) -> Array | None:
     return None if rate is None else np.abs(rate)
 
 
-def belt_turning(result: Sampled, rows: Any = slice(None)) -> Array | None:
+def belt_turning(result: Run, rows: Any = slice(None)) -> Array | None:
     """Return :func:`belt_rate` with its sign, positive in the order of the links."""
     params = result.params
     if result._has("belt.flow"):
@@ -136,11 +112,11 @@ def belt_turning(result: Sampled, rows: Any = slice(None)) -> Array | None:
     return None
 
 
-def _has_links(result: Sampled) -> bool:
+def _has_links(result: Run) -> bool:
     return all(result._has(f"belt.{name}") for name in ("x", "y", "phi", "vx", "vy"))
 
 
-def sources(result: Sampled, rows: Any = slice(None)) -> tuple[Source, ...]:
+def sources(result: Run, rows: Any = slice(None)) -> tuple[Source, ...]:
     """Return the periodic sources of a run, over some samples: links, pulleys, the belt.
 
     Pulleys that stand still are left out, and a belt that does.

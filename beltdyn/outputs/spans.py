@@ -42,16 +42,11 @@ class Line(Protocol):
     """Coordinates of the links (n_t, n_b): of a run, or of a part of it."""
 
     @property
-    def x(self) -> Array:
-        """Mass centre [m]."""
-
+    def x(self) -> Array: ...
     @property
-    def y(self) -> Array:
-        """Mass centre [m]."""
-
+    def y(self) -> Array: ...
     @property
-    def phi(self) -> Array:
-        """Angle [rad]."""
+    def phi(self) -> Array: ...
 
 
 class Coordinates(NamedTuple):

@@ -8,6 +8,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import integer, share_of_run
+from ..outputs.accuracy_report import Run
 from ..outputs.averages import LAST
 from .creep import creep_rows, driving, least_speed
 from .cycles import cycle_rows
@@ -19,7 +20,7 @@ from .report import Report
 from .rows import Creep, PulleyRow, Rows, Spread
 from .span_rows import span_rows
 from .touching import NEEDED, Touching, touching
-from .window import OF_ARCS, Run, Window, missing
+from .window import OF_ARCS, Window, missing
 
 __all__ = ["creep_of", "make_report"]
 

@@ -4,31 +4,22 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Collection
-from typing import Any, Protocol
+from typing import Any
 
 import attrs
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.checks import Array
-from ..base.run_warnings import RunWarning
 from ..drive.params import Params
 from ..drive.route import Route, route_at
-from ..outputs.accuracy_report import Accuracy
+from ..outputs.accuracy_report import Run
 from ..outputs.arcs import Arcs, arcs_of
 from ..outputs.averages import mean_over, time_weights
-from ..outputs.histories import (
-    BeltHistory,
-    ContactHistory,
-    CouplingHistory,
-    EnergyLedger,
-    JointHistory,
-    MountHistory,
-)
-from ..outputs.orders import Sampled
+from ..outputs.histories import BeltHistory, ContactHistory
 from ..outputs.selection import lacking
 
-__all__ = ["OF_ARCS", "Run", "Window", "missing"]
+__all__ = ["OF_ARCS", "Window", "missing"]
 
 #: The outputs that arcs are found from.
 OF_ARCS = (
@@ -47,48 +38,6 @@ OF_ARCS = (
 #: that lands does to a mean of some passings of links.
 STEADY = 0.01
 _HALVES = " from the first half of the window to the second"
-
-
-class Run(Sampled, Protocol):
-    """The part of :class:`beltdyn.Result` that is needed here; it imports this package."""
-
-    @property
-    def joints(self) -> JointHistory:
-        """Histories of the joints."""
-
-    @property
-    def contact(self) -> ContactHistory:
-        """Histories of contact and friction."""
-
-    @property
-    def mounts(self) -> MountHistory | None:
-        """Histories of the mounts."""
-
-    @property
-    def couplings(self) -> CouplingHistory | None:
-        """Histories of the couplings."""
-
-    def _rims(self) -> Array | None: ...
-
-    @property
-    def energy(self) -> EnergyLedger | None:
-        """The energy ledger."""
-
-    @property
-    def accuracy(self) -> Accuracy:
-        """What is known of its accuracy."""
-
-    @property
-    def prescribed(self) -> tuple[str, ...]:
-        """Names of the pulleys whose motion was given."""
-
-    @property
-    def warnings(self) -> tuple[RunWarning, ...]:
-        """What was found that a user may not expect."""
-
-    @property
-    def span_tension(self) -> Array:
-        """Mean tension of the free spans (n_t, n_p) [N]."""
 
 
 def missing(run: Run, names: Collection[str]) -> list[str]:
