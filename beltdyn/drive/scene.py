@@ -5,14 +5,26 @@ from __future__ import annotations
 import os
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from ..base.checks import positive, shown, unknown_field
 from ..base.naming import ByPulley, as_pulley, label
-from ..loads.motions import AngleTable, CrankMotion, Motion, MotionLike, as_motions, described
+from ..base.run_options import Options
+from ..loads.motions import (
+    AngleTable,
+    CrankMotion,
+    Motion,
+    MotionLike,
+    as_motions,
+    described,
+    motion_terms,
+)
 from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, as_terms
 from . import toml
 from .params import FIELDS, Params
 
-__all__ = ["Scene"]
+__all__ = ["Scene", "first_speeds"]
 
 
 class Scene(NamedTuple):
@@ -142,6 +154,23 @@ class Scene(NamedTuple):
             "torque": [toml.unstructure(part) for part in parts],
             **({"motion": motions} if motions else {}),
         }
+
+
+def first_speeds(scene: Scene, breakpoints: ArrayLike = ()) -> dict[int, float] | None:
+    """Return the speeds with which motions begin at the time 0; None if at rest.
+
+    They go on from there to the first breakpoint, or the end.
+    """
+    params = scene.params
+    motions = as_motions(scene.motion, params.pulley_names)
+    if not motions:
+        return None
+    kinks = Options.rows()["breakpoints"].check("breakpoints", breakpoints)
+    later = kinks[kinks > 0.0]
+    until = min(scene.t_end, float(later[0])) if later.size else scene.t_end
+    still = np.zeros(len(params.pulleys))
+    _, speeds = params._laid.torques((), motion_terms(motions), 0.0, until, still, still)
+    return {k: float(speeds[k]) for k in motions} if speeds.any() else None
 
 
 def _motion_table(pulley: int | str, motion: MotionLike) -> dict[str, Any]:

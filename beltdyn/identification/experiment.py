@@ -15,12 +15,13 @@ from ..base.checks import Array, close_to, positive, real_array, refuse_masked, 
 from ..base.naming import ByPulley
 from ..drive.parameters import assign, parse, path_in
 from ..drive.params import Params
+from ..drive.scene import Scene, first_speeds
 from ..loads.motions import MotionLike
 from ..loads.torques import TorqueLike
 from ..outputs.histories import GROUPS, EnergyLedger
 from ..outputs.state import State
 from ..result.result import Result
-from ..run.simulation import settle, simulate, speeds_at_start
+from ..run.simulation import settle, simulate
 
 __all__ = ["Experiment", "Read", "Target"]
 
@@ -151,8 +152,8 @@ class Experiment:
             SimulationError: The belt did not come to rest.
         """
         if self.initial is None:
-            kinks = self.options.get("breakpoints", ())
-            speeds = speeds_at_start(drive, self.motion, self.t_end, kinks)
+            scene = Scene(drive, self.torque_fn, self.t_end, self.motion)
+            speeds = first_speeds(scene, self.options.get("breakpoints", ()))
             return settle(drive, **{"speed": speeds, **self.settling})
         if isinstance(self.initial, State):
             return self.initial

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
 import attrs
-import numpy as np
 
 from .. import _core
 from ..base.checks import Array
@@ -17,9 +16,9 @@ from ..base.run_options import Options
 from ..base.run_warnings import RunWarning, is_error, issue
 from ..base.stopping import stoppable
 from ..drive.params import Params
-from ..drive.scene import Scene
+from ..drive.scene import Scene, first_speeds
 from ..loads.callback_errors import CallbackErrors
-from ..loads.motions import CrankMotion, Motion, as_motions, motion_terms
+from ..loads.motions import as_motions, motion_terms
 from ..loads.torques import as_terms
 from ..outputs.accuracy_report import Expected
 from ..outputs.histories import Stats
@@ -34,7 +33,7 @@ from .checkpoints import Recorder, Spent
 from .settling import CHUNK, settle
 from .start_of_run import Start
 
-__all__ = ["Run", "first_speed", "once"]
+__all__ = ["Run", "once"]
 
 #: The same for a run that a verifying run follows [s].
 _CHUNK_FOLLOWED = 0.01
@@ -107,7 +106,8 @@ class Run:
         settle_time = 0.0
         if initial is None:
             begun = time.perf_counter()
-            speed = first_speed(params, self._motions, scene.t_end, options.breakpoints)
+            with _nothing_computed(params):
+                speed = first_speeds(scene, options.breakpoints)
             initial = settle(params, speed=speed, progress=progress)
             settle_time = time.perf_counter() - begun
         self.initial = initial
@@ -274,22 +274,6 @@ class Run:
         if self._recorder is not None:
             error.add_note(self._recorder.hint)
         return error
-
-
-def first_speed(
-    params: Params, motions: Mapping[int, Motion | CrankMotion], end: float, breakpoints: Array
-) -> dict[int, float] | None:
-    """Return the speeds with which motions begin at the time 0; None if at rest.
-
-    They go on from there to the first breakpoint, or the end.
-    """
-    later = breakpoints[breakpoints > 0.0]
-    until = min(end, float(later[0])) if later.size else end
-    still = np.zeros(len(params.pulleys))
-    with _nothing_computed(params):
-        terms = motion_terms(motions)
-        _, speeds = params._laid.torques((), terms, 0.0, until, still, still)
-    return {k: float(speeds[k]) for k in motions} if speeds.any() else None
 
 
 def _excused(one: RunWarning, error: float | None) -> str:

@@ -18,7 +18,7 @@ from ..base.run_options import BY_BUDGET, METHODS, USUAL, Options
 from ..base.run_warnings import issue
 from ..drive.params import Params
 from ..drive.scene import Scene
-from ..loads.motions import MotionLike, as_motions
+from ..loads.motions import MotionLike
 from ..loads.torques import TorqueLike
 from ..outputs.accuracy_report import Expected
 from ..outputs.selection import chosen, lacking
@@ -30,11 +30,11 @@ from ..verification.quantities import OBSERVED
 from ..verification.runs import Reached
 from ..verification.verification import Verification
 from .checkpoints import Checkpoint, Fresh
-from .run import first_speed, once
+from .run import once
 from .settling import check_initial, check_params, settle
 from .start_of_run import span
 
-__all__ = ["METHODS", "settle", "simulate", "speeds_at_start"]
+__all__ = ["METHODS", "settle", "simulate"]
 
 _DEFAULT_SAMPLES = 1001
 
@@ -222,7 +222,8 @@ def simulate(
         "progress": flag("progress", progress),
     }
     if budget is not None:
-        plan = budgets.plan(_runner(options), settle, scene, budget, initial=initial, t_eval=times)
+        given = {"initial": initial, "t_eval": times, "breakpoints": options.breakpoints}
+        plan = budgets.plan(_runner(options), settle, scene, budget, **given)
         asked |= {"initial": plan.initial, "expected": plan.expected, "outputs": kept}
         options = attrs.evolve(options, method=plan.method, rtol=plan.rtol)
         result = once(scene._replace(params=plan.params), options, **asked)[0]
@@ -266,17 +267,6 @@ def _runner(options: Options) -> Callable[..., Result]:
         return once(scene, own, watch, initial=initial, times=t_eval, outputs=outputs)[0]
 
     return run
-
-
-def speeds_at_start(
-    params: Params, motion: ByPulley[MotionLike] | None, t_end: float, breakpoints: ArrayLike
-) -> dict[int, float] | None:
-    """Return the speeds with which a belt under motions settles; None: at rest."""
-    motions = as_motions(motion, params.pulley_names)
-    if not motions:
-        return None
-    kinks = Options.rows()["breakpoints"].check("breakpoints", breakpoints)
-    return first_speed(params, motions, t_end, kinks)
 
 
 def _sample_times(t_eval: ArrayLike | None, start: float, end: float) -> Array:

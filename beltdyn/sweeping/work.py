@@ -14,13 +14,13 @@ from .. import _core
 from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.params import Params
-from ..drive.scene import Scene
+from ..drive.scene import Scene, first_speeds
 from ..many.identity import NoKeyError, token
 from ..many.outcome import Outcome, attempt, in_line
 from ..many.shared import Shared
 from ..outputs.state import State
 from ..result.result import Result
-from ..run.simulation import settle, simulate, speeds_at_start
+from ..run.simulation import settle, simulate
 from .measure import Measure
 from .names import changed, find
 
@@ -128,9 +128,7 @@ class Work:
                 options = {**options, "initial": _state_of(before)}
             elif options.get("initial") is None and options.get("verify") is not True:
                 # Runs that verify one settle on meshes of their own, as the run itself did.
-                speeds = speeds_at_start(
-                    scene.params, scene.motion, scene.t_end, options.get("breakpoints", ())
-                )
+                speeds = first_speeds(scene, options.get("breakpoints", ()))
                 key = (*drive, tuple((speeds or {}).items()))
                 state = self._states.get(key, (scene.params, speeds))
                 options = {**options, "initial": state}

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 import attrs
+from numpy.typing import ArrayLike
 
 from ..base.checks import Array
 from ..base.rounding import percent
@@ -52,7 +53,7 @@ class Plan:
 
     Attributes:
         params: The drive, on the mesh chosen.
-        initial: State to start from, None if the run arranges it.
+        initial: State to start from.
         method: Integration method.
         rtol: Its tolerance.
         budget: The CPU time to keep to [s].
@@ -63,7 +64,7 @@ class Plan:
     """
 
     params: Params
-    initial: State | None
+    initial: State
     method: str
     rtol: float
     budget: float
@@ -128,6 +129,7 @@ def plan(
     *,
     initial: State | None,
     t_eval: Array,
+    breakpoints: ArrayLike = (),
     clock: Callable[[], float] = time.thread_time,
 ) -> Plan:
     """Choose the most accurate setting whose run fits into a budget, from pilot runs within it."""
@@ -144,7 +146,7 @@ def plan(
         settle,
         t_eval=t_eval if t_eval.size >= _SAMPLES and t_eval[-1] > t_eval[0] else None,
         initial=initial,
-        options={"watch": watch},
+        options={"watch": watch, "breakpoints": breakpoints},
         clock=clock,
     )
     pilot = Pilot(

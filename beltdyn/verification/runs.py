@@ -12,7 +12,7 @@ import numpy as np
 from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.params import Params
-from ..drive.scene import Scene
+from ..drive.scene import Scene, first_speeds
 from ..loads.motions import in_core
 from ..loads.torques import Torque
 from ..many.shared import Shared
@@ -88,7 +88,7 @@ class Runs:
         settle: :func:`beltdyn.settle`.
         t_eval: Sample times (n_t,) [s]; None: 1001 equally spaced ones, as in a run by default.
         last: Part of the run that means are taken over.
-        initial: State to start from, which fits one mesh only; None: the belt at rest.
+        initial: State to start from, which fits one mesh only; None: as it settles.
         options: Further keywords of every run.
         clock: Returns the CPU time of this thread [s].
 
@@ -146,17 +146,17 @@ class Runs:
             apart_from=apart_from(result),
         )
 
-    def start(self, n_bodies: int) -> State | None:
-        """Return the state to start from on a mesh; None if the run itself has to arrange it."""
+    def start(self, n_bodies: int) -> State:
+        """Return the state to start from on a mesh."""
         if self._initial is not None:
             return self._initial
-        if self.scene.motion:  # which may begin at speed
-            return None
         return self._rest.get(n_bodies)
 
     def _settled(self, n_bodies: int, _of: None) -> State:
         begun = self._clock()
-        state = self._settle(with_links(self.scene.params, n_bodies))
+        scene = self.scene._replace(params=with_links(self.scene.params, n_bodies))
+        speeds = first_speeds(scene, self._options.get("breakpoints", ()))
+        state = self._settle(scene.params, speed=speeds)
         self.settling[n_bodies] = self._clock() - begun
         return state
 
