@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from matplotlib.axes import Axes
@@ -41,6 +41,9 @@ class Priced(Protocol):
 
 _COST = "CPU time of the run [s]"
 _MARKERS = "osD^v<>p"
+#: Look of numbers above points.
+_ABOVE: dict[str, Any] = {"xytext": (4, 8), "textcoords": "offset points", "ha": "center"}
+_ABOVE |= {"fontsize": "small", "color": "0.3"}
 
 
 def price(
@@ -63,12 +66,8 @@ def work_precision(study: Priced, quantity: str = "tension", ax: Axes | None = N
     quantity, ax = quantity_of(quantity), style.axes(ax)
     for k, method in enumerate(_methods(study)):
         front = study.front(quantity, method)
-        ax.plot(
-            [study.believed(row, quantity) for row in front],
-            [row.seconds for row in front],
-            label=method,
-            **_look(k),
-        )
+        errors = [study.believed(row, quantity) for row in front]
+        ax.plot(errors, _costs(front), label=method, **_look(k))
     floor = study.space_floor[quantity]
     low, high = _range([study.believed(row, quantity) for row in study.done()] + [floor])
     ax.axvspan(low, floor, color="0.92", zorder=0, label="below the floor")
@@ -86,13 +85,8 @@ def cost_over_links(study: Priced, ax: Axes | None = None) -> Axes:
         rows = [row for row in study.done() if row.setting.method == method]
         for rtol, hollow in zip(_two(rows), (True, False), strict=False):
             some = [row for row in rows if row.setting.rtol == rtol]
-            ax.plot(
-                [row.setting.n_bodies for row in some],
-                [row.seconds for row in some],
-                label=f"{method} {_power(rtol)}",
-                **_look(k) | ({"markerfacecolor": "white"} if hollow else {}),
-            )
-    ax.set(xscale="log", yscale="log")
+            look = _look(k) | ({"markerfacecolor": "white"} if hollow else {})
+            ax.plot(_meshes(some), _costs(some), label=f"{method} {_power(rtol)}", **look)
     _links(ax, study)
     style.dress(ax, f"number of {study.nodes}", _COST)
     style.legend_below(ax, ax.get_lines())
@@ -107,31 +101,22 @@ def errors_over_links(
     The star marks the cheapest run for the error asked for, at which both are small enough.
     """
     quantity, ax, error = quantity_of(quantity), style.axes(ax), positive("error", error)
-    ax.plot(
-        list(study.space),
-        [found[quantity] for found in study.space.values()],
-        label="in space",
-        **_look(0) | {"linewidth": 2.2, "color": "black", "linestyle": "-"},
-    )
+    bold = _look(0) | {"linewidth": 2.2, "color": "black", "linestyle": "-"}
+    errors = [found[quantity] for found in study.space.values()]
+    ax.plot(list(study.space), errors, label="in space", **bold)
     best = study.cheapest(error, quantity)
     fastest = study.front(quantity)
     method = best.setting.method if best else fastest[-1].setting.method if fastest else ""
     rows = [row for row in study.done() if row.setting.method == method]
     for k, rtol in enumerate(sorted({row.setting.rtol for row in rows}, reverse=True)):
         some = [row for row in rows if row.setting.rtol == rtol]
-        ax.plot(
-            [row.setting.n_bodies for row in some],
-            [row.time[quantity] for row in some],
-            label=f"in time, {method} {_power(rtol)}",
-            **_look(k),
-        )
-    ax.set(xscale="log", yscale="log")
-    _mark(ax, study, quantity, error, best, lambda row: row.setting.n_bodies)
+        errors = [row.time[quantity] for row in some]
+        ax.plot(_meshes(some), errors, label=f"in time, {method} {_power(rtol)}", **_look(k))
     _links(ax, study)
+    _mark(ax, study, quantity, error, best, best.setting.n_bodies if best else 0)
     style.dress(ax, f"number of {study.nodes}", f"error of {_words(quantity)} [1]")
-    style.legend_below(
-        ax, [line for line in ax.get_lines() if str(line.get_marker()) in tuple(_MARKERS)]
-    )
+    marked = [line for line in ax.get_lines() if str(line.get_marker()) in tuple(_MARKERS)]
+    style.legend_below(ax, marked)
     return ax
 
 
@@ -144,7 +129,7 @@ def balance(
     """
     quantity, ax, error = quantity_of(quantity), style.axes(ax), positive("error", error)
     front = study.front(quantity)
-    cost = [row.seconds for row in front]
+    cost = _costs(front)
     parts = (
         ("in all", [study.believed(row, quantity) for row in front]),
         ("in space", [study.space[row.setting.n_bodies][quantity] for row in front]),
@@ -154,7 +139,7 @@ def balance(
         wide = {} if k else {"linewidth": 5.0, "alpha": 0.35, "markersize": 9.0}
         ax.plot(cost, errors, label=name, **_look(k) | wide)  # the others lie on it in parts
     best = study.cheapest(error, quantity)
-    _mark(ax, study, quantity, error, best, lambda row: row.seconds)
+    _mark(ax, study, quantity, error, best, best.seconds if best else 0.0)
     ax.set(xscale="log", yscale="log")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter(FormatStrFormatter("%g"))
@@ -170,43 +155,36 @@ def _number(ax: Axes, rows: Sequence[Row], heights: Sequence[float]) -> None:
     before = None
     for row, height in zip(rows, heights, strict=True):
         if row.setting.n_bodies != before:
-            ax.annotate(
-                f"{row.setting.n_bodies}",
-                (row.seconds, height),
-                xytext=(4, 8),
-                textcoords="offset points",
-                ha="center",
-                fontsize="small",
-                color="0.3",
-            )
+            ax.annotate(f"{row.setting.n_bodies}", (row.seconds, height), **_ABOVE)
         before = row.setting.n_bodies
 
 
 def _mark(
-    ax: Axes,
-    study: Priced,
-    quantity: str,
-    error: float,
-    best: Row | None,
-    place: Callable[[Row], float],
+    ax: Axes, study: Priced, quantity: str, error: float, best: Row | None, place: float
 ) -> None:
     """Draw a line at the error asked for, and a star at the cheapest run that reaches it."""
     ax.axhline(error, color="0.5", linewidth=0.8, linestyle=":", marker="")
     if best is None:
         return
     one = best.setting
-    ax.plot(
-        [place(best)],
-        [study.believed(best, quantity)],
-        "*",
-        color="black",
-        markersize=13,
-        label=f"cheapest for {error:.2g}: {one.method} {_power(one.rtol)},\n{one.n_bodies} "
-        f"{study.nodes}, {best.seconds:.2g} s",
+    label = (
+        f"cheapest for {error:.2g}: {one.method} {_power(one.rtol)},\n{one.n_bodies} "
+        f"{study.nodes}, {best.seconds:.2g} s"
     )
+    height = study.believed(best, quantity)
+    ax.plot([place], [height], "*", color="black", markersize=13, label=label)
+
+
+def _costs(rows: Sequence[Row]) -> list[float]:
+    return [row.seconds for row in rows]
+
+
+def _meshes(rows: Sequence[Row]) -> list[int]:
+    return [row.setting.n_bodies for row in rows]
 
 
 def _links(ax: Axes, study: Priced) -> None:
+    ax.set(xscale="log", yscale="log")
     ax.xaxis.set_major_locator(FixedLocator(list(study.space)))
     ax.xaxis.set_major_formatter(ScalarFormatter())
     ax.xaxis.set_minor_locator(NullLocator())

@@ -14,6 +14,7 @@ import attrs
 
 from ..base import files
 from ..base.checks import positive
+from ..base.tables import columns
 from ..verification.quantities import QUANTITIES
 from .study_rows import Errors, Row, quantity_of
 
@@ -103,45 +104,42 @@ class Study:
             TypeError, ValueError: There is no such quantity.
         """
         quantity = quantity_of(quantity)
-        lines = [
-            f"error of {quantity}: in all, in space, in time (floors in brackets)",
-            f"{self.nodes:5s}  method     rtol     CPU s     steps    error    space"
-            "              time",
+        rows = [
+            (self.nodes, "method", "rtol", "CPU s", "steps", "error", "space", "", "time", "", "")
         ]
         for row in self.rows:
-            n_b = row.setting.n_bodies
-            head = f"{n_b:5d}  {row.setting.method:7s} {row.setting.rtol:7.0e}"
+            n_b, method, rtol = attrs.astuple(row.setting)
+            head = (f"{n_b}", method, f"{rtol:.0e}")
             if row.failure:
                 why = shorten(row.failure.partition(": ")[0], 60, placeholder=" ...")
-                lines.append(f"{head}  failed: {why}")
+                rows.append((*head, *[""] * 7, f"failed: {why}"))
                 continue
-            lines.append(
-                f"{head} {row.seconds:9.4f} {row.steps:9d}  {row.error[quantity]:7.1e}"
-                f"  {self.space[n_b][quantity]:7.1e} ({self.space_floor[quantity]:.0e})"
-                f"  {row.time[quantity]:7.1e} ({self.time_floor[n_b][quantity]:.0e})"
-            )
-        return "\n".join(lines)
+            floors = self.space_floor[quantity], self.time_floor[n_b][quantity]
+            errors = row.error[quantity], self.space[n_b][quantity], row.time[quantity]
+            in_all, space, time = (f"{error:.1e}" for error in errors)
+            of_space, of_time = (f"({floor:.0e})" for floor in floors)
+            cost = f"{row.seconds:.4f}", f"{row.steps}"
+            rows.append((*head, *cost, in_all, space, of_space, time, of_time, ""))
+        title = f"error of {quantity}: in all, in space, in time (floors in brackets)"
+        return "\n".join([title, *columns(rows, "><>>>>>>>><", "")])
 
     def __str__(self) -> str:
         meshes = ", ".join(map(str, self.space))
+        rows = [("", *(f"{target:.0e}" for target in _TARGETS))]
+        for quantity in QUANTITIES:
+            rows.append((quantity, *(self._cell(target, quantity) for target in _TARGETS)))
         lines = [
             f"Price of accuracy: {sum(1 for _ in self.done())} runs on meshes of {meshes} "
             f'{self.nodes} ("{self.mesh}"), reference on {self.finest} {self.nodes}',
             "cheapest setting for an error in all of at most",
-        ]
-        width = max(map(len, QUANTITIES))
-        lines.append(" " * (width + 2) + "".join(f"{target:<26.0e}" for target in _TARGETS))
-        for quantity in QUANTITIES:
-            cells = [self._cell(target, quantity) for target in _TARGETS]
-            lines.append(f"{quantity:<{width}}  " + "".join(f"{cell:<26s}" for cell in cells))
-        lines += [
+            *columns(rows, "<", ""),
             f"Entries: method, rtol, number of {self.nodes}, CPU s; -: no run is so accurate;",
             f"floor: not even the reference, on {self.finest} {self.nodes}, is known so well.",
             f"More {self.nodes} and tighter tolerances (without --quick; n_bodies=, finest=,",
             "rtols=) fill these. To use one: simulate(..., method=, rtol=);",
             "beltdyn run SCENE --error chooses.",
         ]
-        return "\n".join(line.rstrip() for line in lines)
+        return "\n".join(lines)
 
     def _cell(self, target: float, quantity: str) -> str:
         if self.space_floor[quantity] > target:
@@ -167,17 +165,15 @@ class Study:
         text = io.StringIO()
         writer = csv.writer(text, lineterminator="\n")
         kinds = ("error", "space", "time", "space_floor", "time_floor")
-        writer.writerow(
-            ["n_bodies", "method", "rtol", "cpu_seconds", "repeats", "steps", "failure"]
-            + [f"{quantity}_{kind}" for quantity in QUANTITIES for kind in kinds]
-        )
+        errors = [f"{quantity}_{kind}" for quantity in QUANTITIES for kind in kinds]
+        setting, measured = ["n_bodies", "method", "rtol"], ["repeats", "steps", "failure"]
+        writer.writerow([*setting, "cpu_seconds", *measured, *errors])
         for row in self.rows:
             n_b = row.setting.n_bodies
             found = [row.error, self.space[n_b], row.time, self.space_floor, self.time_floor[n_b]]
             writer.writerow(
-                [n_b, row.setting.method, row.setting.rtol]
-                + [row.seconds, row.repeats, row.steps, row.failure]
-                + [errors.get(quantity, math.nan) for quantity in QUANTITIES for errors in found]
+                [*attrs.astuple(row.setting), row.seconds, row.repeats, row.steps, row.failure]
+                + [one.get(quantity, math.nan) for quantity in QUANTITIES for one in found]
             )
         if path is not None:
             files.write_bytes(path, text.getvalue().encode())

@@ -95,28 +95,26 @@ class Suggestion:
         return Setting(self.n_bodies, self.method, self.rtol)
 
     def __str__(self) -> str:
-        mesh = f"{self.n_bodies} {self.params._belt_facts['nodes']}"
-        text = (
-            f"For an error of {percent(self.asked)} of {self.quantity.replace('_', ' ')}: method "
-            f'"{self.method}", rtol {self.rtol:.2g}, {mesh}; about '
-            f"{self.seconds:.2g} s of CPU time, expected error {percent(self.error)} "
-            f"({percent(self.error_space)} of the mesh, {percent(self.error_time)} of time). "
+        asked = f"error of {percent(self.asked)} of {self.quantity.replace('_', ' ')}"
+        how = (
+            f'method "{self.method}", rtol {self.rtol:.2g}, {self.n_bodies} '
+            f"{self.params._belt_facts['nodes']}; about {self.seconds:.2g} s of CPU time"
         )
+        error = (
+            f"{percent(self.error)} ({percent(self.error_space)} of the mesh, "
+            f"{percent(self.error_time)} of time)"
+        )
+        text = f"For an {asked}: {how}, expected error {error}. "
         if not self.met:
             text = (
-                f"An error of {percent(self.asked)} of {self.quantity.replace('_', ' ')} cannot "
-                f"be promised: the best found is {percent(self.error)} "
-                f"({percent(self.error_space)} of the mesh, {percent(self.error_time)} of time), "
-                f"{self.error / self.asked:.2g} times as much, with method "
-                f'"{self.method}", rtol {self.rtol:.2g}, {mesh}; about '
-                f"{self.seconds:.2g} s of CPU time. "
+                f"An {asked} cannot be promised: the best found is {error}, "
+                f"{self.error / self.asked:.2g} times as much, with {how}. "
             )
         if self.error_contact > 0.5 * self.asked:
             text += (
                 "Not counted, but in the sum that a result tells: contact that yields changes "
-                f"{percent(self.error_contact)} against "
-                "rigid pulleys, whatever the setting; stiffer contact or compensate=True takes "
-                "that away. "
+                f"{percent(self.error_contact)} against rigid pulleys, whatever the setting; "
+                "stiffer contact or compensate=True takes that away. "
             )
         if self.ale is not None:
             text += (

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
-__all__ = ["percent", "rounded"]
+__all__ = ["finite_or_none", "percent", "rounded"]
 
 
 def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, int]:
@@ -15,6 +16,11 @@ def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, 
         left = 1 + math.floor(math.log10(abs(value))) - math.floor(of_error)
     left = min(max(left, 2), digits)
     return float(f"{value:.{left - 1}e}"), left
+
+
+def finite_or_none(value: Any) -> Any:
+    """Return a value for JSON, which has no number that is not finite."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def percent(share: float) -> str:

@@ -38,12 +38,18 @@ def wrapped(text: str, width: int) -> list[str]:
     return textwrap.wrap(text, width, initial_indent="  ", subsequent_indent="    ")
 
 
-def columns(rows: _Rows, sides: str = "<>", indent: str = "  ") -> list[str]:
-    """Return the lines of a table."""
+def columns(
+    rows: _Rows, sides: str = "<>", indent: str = "  ", width: int | None = None
+) -> list[str]:
+    """Return the lines of a table, the last column broken where a line is longer than ``width``."""
     wide = _widths(rows)
     sides = sides.ljust(len(wide), sides[-1])
     cells = [f"{side}{n}" for side, n in zip(sides, wide, strict=False)]
-    return [indent + "  ".join(map(format, row, cells)).rstrip() for row in rows]
+    lines = [indent + "  ".join(map(format, row, cells)).rstrip() for row in rows]
+    if width is None:
+        return lines
+    hang = " " * (len(indent) + sum(2 + one for one in wide[:-1]))
+    return [one for line in lines for one in textwrap.wrap(line, width, subsequent_indent=hang)]
 
 
 def _widths(rows: _Rows) -> list[int]:

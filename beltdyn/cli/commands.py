@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -93,14 +94,14 @@ def _list_hard(family: str) -> None:
         )
     found = [one for one in HARD.values() if family in ("all", one.family)]
     click.echo(f"{len(found)} scenes made to break an integrator; run one: beltdyn run hard/NAME")
-    width, last = max(map(len, HARD)), ""
-    for one in found:
-        if one.family != last:
-            last = one.family
-            click.echo(f"\n{last}")
-        ends = "" if one.expects is None else " [ends in an error]"
-        text = f"  {one.name:<{width}}  {one.provokes}{ends}"
-        click.echo(fill(text, 96, subsequent_indent=" " * (width + 4)))
+    width = max(map(len, HARD))
+    for name, group in groupby(found, key=lambda one: one.family):
+        rows = [(f"{one.name:<{width}}", f"{one.provokes}{_ends(one)}") for one in group]
+        click.echo("\n".join(["", name, *columns(rows, "<", width=96)]))
+
+
+def _ends(scene: HardScene) -> str:
+    return "" if scene.expects is None else " [ends in an error]"
 
 
 def _find(scene: str, mesh: str | None) -> Scene | HardScene:

@@ -136,17 +136,17 @@ class LeftOut:
 
     name: str
     how: str
-    change: dict[str, float]
-    worst: float
-    growth: float
-    bound: float
-    error: float
-    cpu_time: float
-    exercised: bool
-    may_be_left_out: bool
-    end: float
-    warned: tuple[str, ...]
-    failed: str
+    change: dict[str, float] = attrs.field(factory=dict)
+    worst: float = math.inf
+    growth: float = 1.0
+    bound: float = math.inf
+    error: float = math.inf
+    cpu_time: float = math.nan
+    exercised: bool = True
+    may_be_left_out: bool = False
+    end: float = 0.0
+    warned: tuple[str, ...] = ()
+    failed: str = ""
 
 
 @attrs.frozen(kw_only=True)
@@ -291,21 +291,7 @@ def _how(group: Sequence[Removal]) -> str:
 
 
 def _unknown(name: str, group: Sequence[Removal], why: str) -> LeftOut:
-    return LeftOut(
-        name=name,
-        how=_how(group),
-        change={},
-        worst=math.inf,
-        growth=1.0,
-        bound=math.inf,
-        error=math.inf,
-        cpu_time=math.nan,
-        exercised=True,
-        may_be_left_out=False,
-        end=0.0,
-        warned=(),
-        failed=why,
-    )
+    return LeftOut(name=name, how=_how(group), failed=why)
 
 
 def _worst(changes: dict[str, Array]) -> float:
@@ -361,12 +347,10 @@ class _Base:
             growth=growth,
             bound=bound,
             error=error,
-            cpu_time=math.nan,
             exercised=worst > ROUNDING,
             may_be_left_out=worst > ROUNDING and error <= self.error,
             end=self.how.end,
             warned=warned,
-            failed="",
         )
 
     def repeat(self, without: dict[str, list[Removal]]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from .. import _core
 from ..base.checks import flag, one_of, positive
 from ..base.naming import ByPulley
+from ..base.rounding import finite_or_none
 from ..base.run_warnings import silenced
 from ..drive.params import Params
 from ..drive.scene import Scene
@@ -97,9 +97,7 @@ class Explanation:
         plain: dict[str, Any] = attrs.asdict(
             self,
             filter=lambda field, _: field.name not in ("final", "scene"),
-            value_serializer=lambda _, __, value: (
-                None if isinstance(value, float) and not math.isfinite(value) else value
-            ),
+            value_serializer=lambda _, __, value: finite_or_none(value),
         )
         return plain
 

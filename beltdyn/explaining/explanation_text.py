@@ -55,42 +55,28 @@ def _effects(effects: Sequence[Effect]) -> list[str]:
 
 
 def _state(state: StateSize) -> list[str]:
-    rows = [
-        (part, f"{numbers}", ", ".join(state.fields[part]))
-        for part, numbers in state.parts.items()
-        if numbers
-    ]
-    return [
+    parts = [(part, numbers) for part, numbers in state.parts.items() if numbers]
+    rows = [(part, f"{numbers}", ", ".join(state.fields[part])) for part, numbers in parts]
+    title = (
         f"State: {sum(state.parts.values())} numbers, {state.numbers} with their padding, "
-        f"{state.bytes} bytes; the simulation {state.simulation} bytes",
-        *columns(rows, "<><"),
-    ]
+        f"{state.bytes} bytes; the simulation {state.simulation} bytes"
+    )
+    return [title, *columns(rows, "<><")]
 
 
 def _step(step: Step) -> list[str]:
     rows = [("pass", "calls", "ns a call", "ns a step", "part")]
-    parts = [(one.name, one.calls, one.seconds, one.per_step) for one in step.passes]
+    parts = [(one.name, f"{one.calls:g}", _ns(one.seconds), one.per_step) for one in step.passes]
     if step.between > 0.0:
-        parts.append(("between them", 1.0, step.between, step.between))
-    for name, calls, seconds, per_step in parts:
-        part = f"{100.0 * per_step / step.alone:.0f} %"
-        rows.append((name, f"{calls:g}", _ns(seconds), _ns(per_step), part))
-    rows.append(("a step, called alone", "", "", _ns(step.alone), "100 %"))
-    rows.append(
-        (
-            "a step in a run",
-            "",
-            "",
-            _ns(step.measured),
-            f"{100.0 * step.measured / step.alone:.0f} %",
-        )
-    )
-    lines = [f'Step of method "{step.method}"', *columns(rows)]
-    return lines + _wrapped(
-        f"The run: {step.steps} steps and {step.rejected} rejected ones, with the checks of every "
-        "run.",
-        2,
-    )
+        parts.append(("between them", "1", _ns(step.between), step.between))
+    parts.append(("a step, called alone", "", "", step.alone))
+    parts.append(("a step in a run", "", "", step.measured))
+    for name, calls, each, seconds in parts:
+        part = f"{100.0 * seconds / step.alone:.0f} %"
+        rows.append((name, calls, each, _ns(seconds), part))
+    many = f"{step.steps} steps and {step.rejected} rejected ones"
+    run = _wrapped(f"The run: {many}, with the checks of every run.", 2)
+    return [f'Step of method "{step.method}"', *columns(rows), *run]
 
 
 def _ablation(ablation: Ablation, window: Window) -> list[str]:
@@ -104,17 +90,15 @@ def _ablation(ablation: Ablation, window: Window) -> list[str]:
     rows: list[tuple[str, ...]] = [("left out", *heading, "CPU time", "error", "elsewhere")]
     rows += [_row(row) for row in ablation.rows if not row.failed]
     shown = len(rows[0]) - (not whole)  # of a part of a run, both are the same
-    lines = _wrapped(head, 0) + columns([row[:shown] for row in rows])
+    remarks = []
     for row in ablation.rows:
         if row.failed:
-            lines += _wrapped(f"{row.name}: no run without it, {row.failed}", 2)
+            remarks.append(f"{row.name}: no run without it, {row.failed}")
         elif row.warned:
-            lines += _wrapped(
-                f"{row.name}: the run without it is warned of, {', '.join(row.warned)}: it is kept",
-                2,
-            )
+            warned = ", ".join(row.warned)
+            remarks.append(f"{row.name}: the run without it is warned of, {warned}: it is kept")
         elif row.exercised and row.cpu_time > NO_GAIN:
-            lines += _wrapped(f"{row.name}: the run without it takes more time: it is kept", 2)
+            remarks.append(f"{row.name}: the run without it takes more time: it is kept")
     bound = (
         f"{SAFETY:g} times the largest change over this time or a fifth of it, more where changes "
         "are larger late in it than early"
@@ -125,20 +109,18 @@ def _ablation(ablation: Ablation, window: Window) -> list[str]:
         if whole
         else f"The error, for the whole run and for others like this one, is a bound: {bound}."
     )
-    lines += _wrapped(
+    remarks.append(
         "Changes are those of means and ranges over this time: of spans over the mean tension, of "
         f"pulleys over the highest speed. {ends} Errors include {RUNS:g} times that of the runs, "
         f"{percent(ablation.own_error)}."
-        + (
-            " CPU times are of one run each: small differences are chance." * (ablation.rounds == 1)
-        ),
-        2,
+        + (" CPU times are of one run each: small differences are chance." * (ablation.rounds == 1))
     )
-    return lines
+    table = columns([row[:shown] for row in rows])
+    return [*_wrapped(head, 0), *table, *(line for one in remarks for line in _wrapped(one, 2))]
 
 
 def _row(row: LeftOut) -> tuple[str, ...]:
-    cpu_time = f"{100.0 * row.cpu_time:+.0f} %"
+    cpu_time = _cpu_time(row)
     if not row.exercised:
         return row.name, *("-" for _ in ANSWERS), cpu_time, "not exercised", ""
     changes = [percent(row.change[name]) for name in ANSWERS]
@@ -154,16 +136,9 @@ def _advice(ablation: Ablation, error: float) -> list[str]:
         end = ablation.sets[0][2].end
         lines = [f"What may be left out together, tried from 0 to {end:.4g} s"]
         rows = [("at", "left out", "changed", "error", "CPU time")]
-        rows += [
-            (
-                percent(level),
-                row.name,
-                percent(max(row.change.values())),
-                percent(row.error),
-                f"{100.0 * row.cpu_time:+.0f} %",
-            )
-            for level, _, row in ablation.sets
-        ]
+        for level, _, row in ablation.sets:
+            changed, error_of = percent(max(row.change.values())), percent(row.error)
+            rows.append((percent(level), row.name, changed, error_of, _cpu_time(row)))
         lines += columns(rows, "><>")
         dear = [percent(level) for level, _, row in ablation.sets if row.cpu_time > NO_GAIN]
         if dear:
@@ -185,8 +160,7 @@ def _why_none(ablation: Ablation, most: float) -> str:
     if not small:
         return f"None may be left out at an error of {percent(most)} or less."
     named = ", ".join(
-        f"{row.name} ({percent(row.error)}, CPU time {100.0 * row.cpu_time:+.0f} %)"
-        for row in small
+        f"{row.name} ({percent(row.error)}, CPU time {_cpu_time(row)})" for row in small
     )
     if all(row.cpu_time > NO_GAIN for row in small):
         return f"Nothing is gained by what may be left out at {percent(most)} or less: {named}."
@@ -195,6 +169,10 @@ def _why_none(ablation: Ablation, most: float) -> str:
         f"or less: {named}. Over more of the run the error was larger, or there was no time to "
         "find it."
     )
+
+
+def _cpu_time(row: LeftOut) -> str:
+    return f"{100.0 * row.cpu_time:+.0f} %"
 
 
 def _ns(seconds: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from importlib import import_module
 from statistics import NormalDist
@@ -54,12 +54,9 @@ class Sensitivity:
     values: Array
 
     def __str__(self) -> str:
-        head = ["", *self.columns]
-        body = [
-            [row, *(f"{value:.3g}" for value in line)]
-            for row, line in zip(self.rows, self.values, strict=True)
-        ]
-        return "\n".join(columns([head, *body], "<", ""))
+        rows = zip(self.rows, self.values, strict=True)
+        body = [(row, *(f"{value:.3g}" for value in line)) for row, line in rows]
+        return "\n".join(columns([("", *self.columns), *body], "<", ""))
 
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
@@ -141,16 +138,16 @@ class Identification:
         Infinite along directions that the data do not determine; NaN if the search was interrupted
         before there was a Jacobian.
         """
-        if not np.isfinite(self.weighted).all():
-            return np.full((len(self.values),) * 2, np.nan)
-        return linear.covariance(self.weighted)
+        return self._linearised(linear.covariance)
 
     @cached_property
     def correlation(self) -> Array:
         """Correlation of the estimates (n_free, n_free)."""
-        if not np.isfinite(self.weighted).all():
-            return np.full((len(self.values),) * 2, np.nan)
-        return linear.correlation(self.weighted)
+        return self._linearised(linear.correlation)
+
+    def _linearised(self, of: Callable[[Array], Array]) -> Array:
+        known = np.isfinite(self.weighted).all()
+        return of(self.weighted) if known else np.full((len(self.values),) * 2, np.nan)
 
     @property
     def std(self) -> dict[str, float]:
@@ -327,58 +324,52 @@ class Identification:
         )
 
     def __str__(self) -> str:
-        level = f"{100 * self.confidence:.4g} %"
-        std = self.std
-        rows = [["parameter", "value", "", f"{level} interval", "one std", "mesh", ""]]
+        level, std = f"{100 * self.confidence:.4g} %", self.std
+        rows = [("parameter", "value", "", f"{level} interval", "one std", "mesh", "")]
         for part in self._parameters:
-            low, high = self.intervals[part.name]
-            rows.append(
-                [
-                    part.name,
-                    f"{self.values[part.name]:.6g}",
-                    part.unit,
-                    f"{low:.5g} to {high:.5g}",
-                    _spread(part, std[part.name]),
-                    "-" if self.mesh is None else _spread(part, abs(self.mesh[part.name])),
-                    self._remark(part.name),
-                ]
-            )
-        lines = [repr(self)]
-        if not self.success:
-            lines.append(f"  not finished, values and intervals so far: {self.message}")
-        lines += columns(rows, "<")
-        if self.mesh is None:
-            lines.append(f"  the intervals are without the error of the mesh: {self.mesh_message}")
-        if not self.confirmed:
-            lines.append(
-                f"  {len(self.ends) - 1} other searches ended elsewhere: there may be better fits "
-                "still, the intervals are not to be trusted; give more starts"
-            )
-        for name, chance in self.structured.items():
-            lines.append(
-                f"  the residuals of {name} have structure (Ljung and Box: p = {chance:.1g}): the "
-                "model, the data or this minimum is wrong, the intervals are not to be trusted"
-            )
-        if len(self.labels) < len(self.values):
-            lines.append(f"  {len(self.labels)} numbers cannot fix {len(self.values)} parameters")
-        if self.indistinguishable:
-            lines.append("  the data cannot distinguish:")
-            lines += [f"    {combination}" for combination in self.indistinguishable]
-        left = len(self.labels) - len(self.values)
-        # Five standard deviations of the mean square of normal residuals.
-        if self.misfit**2 > 1.0 + 5.0 * math.sqrt(2.0 / max(left, 1)):
-            lines.append(
-                f"  the fit misses the data by {self.misfit:.3g} times sigma: the intervals are "
-                "too narrow, because the model or sigma is wrong"
-            )
-        rows = [["target", "numbers", "rms residual", "sigma"]]
+            name, (low, high) = part.name, self.intervals[part.name]
+            mesh = "-" if self.mesh is None else _spread(part, abs(self.mesh[name]))
+            found = f"{self.values[name]:.6g}", part.unit, f"{low:.5g} to {high:.5g}"
+            rows.append((name, *found, _spread(part, std[name]), mesh, self._remark(name)))
+        targets = [("target", "numbers", "rms residual", "sigma")]
         for name, residuals in self.residuals.items():
             sigma = self.sigma[name]
             span = " to ".join(f"{part:.3g}" for part in sorted({sigma.min(), sigma.max()}))
             rms = math.sqrt(float(np.mean(residuals**2)))
-            found = " (estimated)" if name in self.estimated else ""
-            rows.append([name, str(residuals.size), f"{rms:.3g} sigma", span + found])
-        return "\n".join([*lines, *columns(rows, "<")])
+            how = " (estimated)" if name in self.estimated else ""
+            targets.append((name, str(residuals.size), f"{rms:.3g} sigma", span + how))
+        lines = [repr(self)]
+        if not self.success:
+            lines.append(f"  not finished, values and intervals so far: {self.message}")
+        remarks = (f"  {remark}" for remark in self._remarks())
+        return "\n".join([*lines, *columns(rows, "<"), *remarks, *columns(targets, "<")])
+
+    def _remarks(self) -> Iterator[str]:
+        """Yield what stands below the parameters."""
+        if self.mesh is None:
+            yield f"the intervals are without the error of the mesh: {self.mesh_message}"
+        if not self.confirmed:
+            yield (
+                f"{len(self.ends) - 1} other searches ended elsewhere: there may be better fits "
+                "still, the intervals are not to be trusted; give more starts"
+            )
+        for name, chance in self.structured.items():
+            yield (
+                f"the residuals of {name} have structure (Ljung and Box: p = {chance:.1g}): the "
+                "model, the data or this minimum is wrong, the intervals are not to be trusted"
+            )
+        left = len(self.labels) - len(self.values)
+        if left < 0:
+            yield f"{len(self.labels)} numbers cannot fix {len(self.values)} parameters"
+        if self.indistinguishable:
+            yield "the data cannot distinguish:"
+            yield from (f"  {combination}" for combination in self.indistinguishable)
+        # Five standard deviations of the mean square of normal residuals.
+        if self.misfit**2 > 1.0 + 5.0 * math.sqrt(2.0 / max(left, 1)):
+            yield (
+                f"the fit misses the data by {self.misfit:.3g} times sigma: the intervals are "
+                "too narrow, because the model or sigma is wrong"
+            )
 
     def _remark(self, name: str) -> str:
         if name in self.at_limit:

@@ -172,17 +172,17 @@ class Accuracy:
         rows = [("accuracy, measured" if self.verified else "accuracy, estimated", "")]
         for name in ("tension", "span_mean", "creep", "power"):
             one = self[name]
-            parts = [
-                ("in time", one.time, self._in_time(one)),
-                ("of the mesh", one.space, _share(one.space, SPACE_FLOOR)),
-                ("of contact", one.compliance or None, _share(one.compliance, 0.0)),
-            ]
-            text = ", ".join(f"{share} {part}" for part, value, share in parts if value is not None)
+            parts = {
+                "in time": one.time is not None and self._in_time(one),
+                "of the mesh": one.space is not None and _share(one.space, SPACE_FLOOR),
+                "of contact": one.compliance and _share(one.compliance, 0.0),
+            }
+            text = ", ".join(f"{share} {part}" for part, share in parts.items() if share)
             if one.total is not None:
                 text = f"{_share(one.total, 0.0)}: {text}"
             else:
-                unknown = [part for part, value, _ in parts[:2] if value is None]
-                text = f"not known {' and '.join(unknown)}" + (f"; {text}" if text else "")
+                unknown = [part for part in ("in time", "of the mesh") if not parts[part]]
+                text = f"not known {' and '.join(unknown)}{'; ' if text else ''}{text}"
             rows.append((f"  {WORDS[name]}", text))
         if not self.verified:
             rows.append(("  measured", "with verify=True, on the command line --verify"))
@@ -190,25 +190,20 @@ class Accuracy:
 
     def sentence(self) -> str:
         """Return the sum of the errors of each quantity in a sentence."""
-        known = [
-            f"{SHORT.get(one.quantity, one.quantity)} {_share(one.total, 0.0)}"
-            for one in self.errors
-            if one.total is not None
-        ]
+        known: list[str] = []
+        unknown: dict[str, list[str]] = {"of": [], "in time of": []}
+        for one in self.errors:
+            name = SHORT.get(one.quantity, one.quantity)
+            if one.total is not None:
+                known.append(f"{name} {_share(one.total, 0.0)}")
+            else:
+                unknown["of" if one.space is None else "in time of"].append(name)
         told = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
         if any(one.total is not None for one in self.errors if one.quantity in TENSIONS):
             told += " (of time, mesh and contact together; tensions: of the mean of all spans)"
-        unknown = {
-            part: [
-                SHORT.get(one.quantity, one.quantity)
-                for one in self.errors
-                if one.total is None and (one.space is None) == (part == "of")
-            ]
-            for part in ("of", "in time of")
-        }
-        if not any(unknown.values()):
-            return f"{told}."
         names = ", ".join(f"{part} {', '.join(some)}" for part, some in unknown.items() if some)
+        if not names:
+            return f"{told}."
         how = "" if self.verified else " (verify=True measures them)"
         return f"{told}{'; ' if known else ''}not known {names}{how}."
 
@@ -218,21 +213,18 @@ class Accuracy:
 
     def table(self) -> list[tuple[str, ...]]:
         """Return the errors as rows of text, the heading first."""
-        rows: list[tuple[str, ...]] = [
-            ("error of", "in time", "of the mesh", "order", "of contact", "sum")
-        ]
-        for one in self.errors:
-            rows.append(
-                (
-                    WORDS[one.quantity],
-                    _share(one.time, TIME_FLOOR),
-                    _share(one.space, SPACE_FLOOR),
-                    "-" if one.order is None else f"{one.order:.1f}",
-                    _share(one.compliance, 0.0),
-                    _share(one.total, 0.0),
-                )
+        rows = [
+            (
+                WORDS[one.quantity],
+                _share(one.time, TIME_FLOOR),
+                _share(one.space, SPACE_FLOOR),
+                "-" if one.order is None else f"{one.order:.1f}",
+                _share(one.compliance, 0.0),
+                _share(one.total, 0.0),
             )
-        return rows
+            for one in self.errors
+        ]
+        return [("error of", "in time", "of the mesh", "order", "of contact", "sum"), *rows]
 
     def remarks(self) -> Iterator[str]:
         """Yield the remarks below the table, a sentence each."""
@@ -252,7 +244,7 @@ class Accuracy:
 
     def _repr_html_(self) -> str:
         heading, *rows = self.table()
-        return "\n".join([tables.table_of(heading, rows), *tables.paragraphs(self.remarks())])
+        return "\n".join(tables.Table("", heading, rows, tuple(self.remarks())).html())
 
     def __str__(self) -> str:
         lines = tables.columns(self.table(), indent="")

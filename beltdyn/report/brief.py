@@ -76,8 +76,8 @@ def _columns(table: Table, most: int) -> list[str]:
 def _tables(report: ReportData) -> Iterator[Table]:
     """Yield the tables of pulleys, spans and mounts, without empty columns."""
     for table in (_pulleys(report), _spans(report), _mounts(report)):
-        columns = zip(table.heading, *table.rows, strict=True)
-        first, *kept = (one for k, one in enumerate(columns) if k == 0 or {*one[1:]} - {NONE})
+        whole = zip(table.heading, *table.rows, strict=True)
+        first, *kept = (one for k, one in enumerate(whole) if k == 0 or {*one[1:]} - {NONE})
         if kept:
             heading, *rows = zip(first, *kept, strict=True)
             yield table._replace(heading=heading, rows=rows)
@@ -104,11 +104,7 @@ def _spans(report: ReportData) -> Table:
 
 
 def _on_spans(report: ReportData) -> list[str]:
-    told = []
-    if report.rest_tension is not None:
-        told.append(f"mean tension at rest {digits.at_rest(report)} N")
-    if report.mass_tension is not None:
-        told.append(f"rho v^2 {number(report.mass_tension, 3)} N")
+    told = text.beside_tensions(report)
     passing = {row.link_passing for row in report.spans if row.frequency is not None}
     if True in passing:
         told.append("mesh: the strongest line is of links that pass")

@@ -119,6 +119,48 @@ def _tension(field: str, spans: float = 1.0) -> _Cells:
     return lambda report, row, _: digits.of_tension(report, getattr(row, field), spans)
 
 
+def _off_belt_torque(report: ReportData, _row: PulleyRow) -> float:
+    """Return the error of the torques of the belt on pulleys [N m], that of the largest."""
+    return digits.of_loads(report.accuracy) * largest(one.belt_torque for one in report.pulleys)
+
+
+def _off_slip_torque(report: ReportData, row: PulleyRow) -> float | None:
+    """Return the error of the torque at which a pulley slips in full [N m]; None: not known."""
+    share = digits.of_grip(report)
+    return share and share * abs(row.slip_torque or 0.0)
+
+
+def _off_string(report: ReportData, row: SpanRow) -> float | None:
+    """Return the error of the frequency of a span as a moving string [Hz]; None: not known."""
+    off = digits.tension_off(report)
+    if row.lateral is None or row.tension is None or off is None:
+        return None
+    pull = row.tension.mean - (report.mass_tension or 0.0)
+    return 0.5 * row.lateral * off / pull if pull > 0.0 else None
+
+
+def _off_speed_ratio(report: ReportData, row: Creep) -> float:
+    """Return the error of a ratio of speeds [1]; all of the creep where its own is not known."""
+    lost = abs(row.slower) if report.creep_error is None else _off_creep(report)
+    return lost * abs(row.ratio)
+
+
+def _off_creep(report: ReportData) -> float:
+    """Return the error of speeds lost [1], relative to the largest."""
+    return (report.creep_error or 0.0) * largest(one.slower for one in report.creep)
+
+
+def _torque(report: ReportData, row: PulleyRow, _scale: float) -> tuple[str, str, str]:
+    """Return mean, least and most of the torque that is set, or that a speed needs."""
+    return placed(row.torque, 0.0 if digits.given(row.torque) else digits.of_loads(report.accuracy))
+
+
+def _off_history(report: ReportData, _row: Cycle) -> float | None:
+    """Return the error of tensions over time [N]; None: not known."""
+    off, share = digits.tension_off(report), report.accuracy["tension"].known
+    return off and share and off * share / (report.tension_error or share)
+
+
 def _drop_rounding(value: Spread | None, least: float) -> Spread | None:
     """Return a spread with numbers below rounding set to 0."""
     if value is None:
@@ -141,7 +183,7 @@ def _power(report: ReportData, row: PulleyRow, _scale: float) -> str:
 def _lost(report: ReportData, row: PulleyRow, scale: float) -> str:
     """Print the speed that a pulley loses; its error is relative to the largest."""
     slower = next((scale * one.slower for one in report.creep if one.name == row.name), None)
-    return within(slower, report.creep_error and scale * digits.creep_off(report))
+    return within(slower, report.creep_error and scale * _off_creep(report))
 
 
 def _direction(_report: ReportData, row: PulleyRow, scale: float) -> str:
@@ -266,7 +308,7 @@ _PULLEYS = {
     "turns": Column("", "speed", _speed, "1/min"),
     "speed": Column("", "speed", _speed),
     "lost": Column("lost", "", _lost, "%"),
-    "torque": Column("torque", "torque", digits.torque),
+    "torque": Column("torque", "torque", _torque),
     "power": Column("power", "power", _power),
     "load": Column("hub load", "hub_load", _tension("hub_load", 2.0)),
     "direction": Column("to", "hub_direction", _direction, "deg"),
@@ -274,14 +316,14 @@ _PULLEYS = {
     "arc": Column("slip arc", "slip_arc", _slip_arc("slip_arc"), "deg"),
     "arc_error": Column("+-", "", _slip_arc("slip_error")),
     "share": Column("of wrap", "", _slip_share, "%"),
-    "belt_torque": Column("torque", "belt_torque", _within("belt_torque", digits.of_belt_torque)),
+    "belt_torque": Column("torque", "belt_torque", _within("belt_torque", _off_belt_torque)),
     "ratio": Column("ratio", "ratio", _within("ratio", digits.of_ratio, 3)),
     "limit": Column("limit", "limit", _number("limit", 3)),
     "used": Column("used", "", _used, "%"),
     "margin": Column("margin", "margin", _margin("margin")),
     "worst": Column("worst", "least_margin", _margin("least_margin")),
     "own": Column("own", "own_margin", _margin("own_margin")),
-    "slips": Column("slips at", "slip_torque", _within("slip_torque", digits.of_slip_torque)),
+    "slips": Column("slips at", "slip_torque", _within("slip_torque", _off_slip_torque)),
 }
 _SPANS = {
     "name": Column("span", "", _named),
@@ -291,8 +333,8 @@ _SPANS = {
     "line": Column("line", "frequency", _line),
     "line_of_drive": Column("line", "frequency", _line_of_drive),
     "amplitude": Column("+-", "amplitude", _number("amplitude", 2)),
-    "string": Column("string", "lateral", _within("lateral", digits.of_string)),
-    "string_3": Column("string", "lateral", _within("lateral", digits.of_string, 3)),
+    "string": Column("string", "lateral", _within("lateral", _off_string)),
+    "string_3": Column("string", "lateral", _within("lateral", _off_string, 3)),
 }
 _TRAVEL = "mount: travel from its place"
 _MOUNTS = {
@@ -307,7 +349,7 @@ _MOUNTS = {
 }
 _CREEP = {
     "name": Column("pulley", "", _named),
-    "ratio": Column("ratio", "ratio", _within("ratio", digits.of_speed_ratio)),
+    "ratio": Column("ratio", "ratio", _within("ratio", _off_speed_ratio)),
     "lost": Column("lost", "", _cause("slower"), "%"),
     "stretch": Column("= stretch", "stretch", _cause("stretch")),
     "friction": Column("+ friction", "friction", _cause("friction")),
@@ -320,8 +362,8 @@ _POWERS = {
     "share": Column("", "share", _share, "%"),
 }
 _CYCLES = {
-    "range": Column("range", "range", _within("range", digits.history_off)),
-    "mean": Column("mean", "mean", _within("mean", digits.history_off)),
+    "range": Column("range", "range", _within("range", _off_history)),
+    "mean": Column("mean", "mean", _within("mean", _off_history)),
     "count": Column("cycles", "count", lambda _, row, __: f"{row.count:g}"),
 }
 _COLUMNS: dict[str, tuple[type, dict[str, Column]]] = {

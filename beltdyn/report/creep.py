@@ -75,26 +75,29 @@ def driving(window: Window, torque: Array | None) -> int | None:
     return 0 if torque is None else int(np.argmin(window.mean(torque * omega)))
 
 
-def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Creep], list[str]]:
-    """Return the rows of all pulleys but the driving one, and what is missing."""
-    params, notes = window.params, []
+def creep_rows(window: Window, touching: Touching, driver: int) -> list[Creep]:
+    """Return the rows of all pulleys but the driving one; note what is missing."""
+    params, notes = window.params, window.notes
     names = params.pulley_names
     kept = window.run._rims()
     if kept is None:
-        return [], ["no creep: couplings.rim_speed not asked for (outputs of simulate)"]
+        notes.append("no creep: couplings.rim_speed not asked for (outputs of simulate)")
+        return []
     omega = window.mean(window.of(kept))
     radii = params._radii
     rims = omega * radii * params.route.senses
     spans = window.spans()
     tension = None if spans is None else window.mean(spans)
     if tension is None or np.isnan(tension).any() or touching.speed == 0.0:
-        return [], ["no split of creep: not all spans have a tension in this window"]
+        notes.append("no split of creep: not all spans have a tension in this window")
+        return []
     arriving = np.roll(tension, 1) if touching.speed > 0.0 else tension
     if touching.reverses(window):
-        return [], [
+        notes.append(
             "no creep: the belt's speed changes in this window by more than its mean, "
             f"{touching.speed:.3g} m/s; take a part of the run in which it runs evenly (last)"
-        ]
+        )
+        return []
     limits = friction_limits(window, touching)
     parts = [_of(window, touching, k, float(arriving[k]), limits[k]) for k in range(radii.size)]
     first = parts[driver]
@@ -117,25 +120,20 @@ def creep_rows(window: Window, touching: Touching, driver: int) -> tuple[list[Cr
                 f"rim of {params.label(driver)}: no split of creep"
             )
             continue
-        stretch = -math.log(part.stretch / first.stretch)
-        friction = -math.log(part.friction / first.friction)
-        radius = -math.log(part.radius / first.radius)
+        causes = [-math.log(one / of_first) for one, of_first in zip(part, first, strict=True)]
+        side = params.route.senses[k] * params.route.senses[driver]
         lost = -math.log(ratio)
         rows.append(
             Creep(
                 name=names[k],
                 ratio=float(omega[k] / omega[driver]),
-                nominal=float(
-                    params.route.senses[k] * params.route.senses[driver] * radii[driver] / radii[k]
-                ),
+                nominal=float(side * radii[driver] / radii[k]),
                 lost=lost,
-                stretch=stretch,
-                friction=friction,
-                radius=radius,
-                remainder=lost - stretch - friction - radius,
+                **dict(zip(_Of._fields, causes, strict=True)),
+                remainder=lost - causes[0] - causes[1] - causes[2],
             )
         )
-    return rows, notes
+    return rows
 
 
 def _of(window: Window, touching: Touching, k: int, tension: float, mu: float) -> _Of | None:

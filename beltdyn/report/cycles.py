@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import NamedTuple
 
+import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.checks import Array
+from ..base.optional import optional_module
 from ..outputs.places import follow
 from .rows import Cycle
 from .window import Window
@@ -35,14 +36,7 @@ def rainflow(values: ArrayLike) -> list[Cycle]:
 
     Source: ASTM E1049-85, Standard Practices for Cycle Counting in Fatigue Analysis, 5.4.4.
     """
-    try:
-        library = import_module("rainflow")
-    except ModuleNotFoundError as error:
-        if error.name != "rainflow":
-            raise
-        raise ImportError(
-            'load cycles need the package rainflow: python -m pip install "beltdyn[report]"'
-        ) from None
+    library = optional_module("rainflow", "counting load cycles", "report")
     samples = np.asarray(values, dtype=float).tolist()
     return [
         Cycle(range=float(size), mean=float(mean), count=float(count))
@@ -56,7 +50,6 @@ class Counted(NamedTuple):
     cycles: list[Cycle]
     begin: float
     rounds: float | None
-    notes: list[str]
 
 
 def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
@@ -64,8 +57,8 @@ def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
     run, flows = window.run, window.params._belt_facts["flows"]
     for name in ("joints.force", *(("belt.passed",) if flows else ())):
         if not run._has(name):
-            note = f"no load cycles: {name} was not asked for"
-            return Counted([], float(window.t[0]), None, [note])
+            window.notes.append(f"no load cycles: {name} was not asked for")
+            return Counted([], float(window.t[0]), None)
     first, rounds = window.rows.start, None
     if driver is not None:
         gone = _gone(window, driver)
@@ -82,14 +75,14 @@ def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
             values = force[:, joint]
         cycles = rainflow(values)
     except ImportError as error:
-        return Counted([], begin, rounds, [str(error)])
-    notes = []
+        window.notes.append(str(error))
+        return Counted([], begin, rounds)
     if rounds is None or rounds < 1.0:
         part = "the belt stands still" if rounds is None else f"the run holds {rounds:.2g} rounds"
-        notes.append(f"load cycles of a whole round: {part}, so not every pulley is in them")
+        window.notes.append(f"load cycles of a whole round: {part}, so not every pulley is in them")
     faint = NEGLIGIBLE_RANGE * float(window.params.info["strain_tension"])
     kept = [one for one in cycles if one.range > faint]
-    return Counted(_classes(kept), begin, rounds, notes)
+    return Counted(_classes(kept), begin, rounds)
 
 
 def _gone(window: Window, driver: int) -> Array:
@@ -102,29 +95,15 @@ def _gone(window: Window, driver: int) -> Array:
 
 def _classes(cycles: list[Cycle]) -> list[Cycle]:
     """Put cycles into classes by their ranges, and average in each."""
-    if not cycles:
-        return []
-    ranges = np.array([one.range for one in cycles])
-    largest = float(ranges.max())
-    if largest == 0.0:
-        return []
-    index = np.minimum((CLASSES * ranges / largest).astype(int), CLASSES - 1)
-    means = np.array([one.mean for one in cycles])
-    counts = np.array([one.count for one in cycles])
+    largest = max((one.range for one in cycles), default=0.0)
+    classes: dict[int, list[Cycle]] = {}
+    for one in cycles if largest > 0.0 else ():
+        classes.setdefault(min(int(CLASSES * one.range / largest), CLASSES - 1), []).append(one)
     found = []
-    for which in range(CLASSES - 1, -1, -1):
-        inside = index == which
-        total = float(counts[inside].sum())
-        if total > 0.0:
-            found.append(
-                Cycle(
-                    range=_mean(ranges[inside], counts[inside]),
-                    mean=_mean(means[inside], counts[inside]),
-                    count=total,
-                )
-            )
+    for _, inside in sorted(classes.items(), reverse=True):
+        values = np.array([attrs.astuple(one) for one in inside])
+        counts = values[:, 2]
+        if (total := float(counts.sum())) > 0.0:
+            means = (float(np.sum(column * counts) / total) for column in values[:, :2].T)
+            found.append(Cycle(**dict(zip(("range", "mean"), means, strict=True)), count=total))
     return found
-
-
-def _mean(values: Array, weights: Array) -> float:
-    return float(np.sum(values * weights) / np.sum(weights))

@@ -11,37 +11,30 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..base.rounding import rounded
 from ..outputs.accuracy_report import Accuracy
-from .rows import RESIDUAL, Creep, MountRow, PulleyRow, ReportData, SpanRow, Spread
+from .rows import RESIDUAL, MountRow, PulleyRow, ReportData, SpanRow, Spread
 
 __all__ = [
     "NONE",
     "at_rest",
     "belt_speed",
     "between",
-    "creep_off",
     "fixed",
     "given",
-    "history_off",
     "largest",
     "line_frequency",
     "loss",
     "lost",
     "margin",
     "number",
-    "of_belt_torque",
     "of_grip",
     "of_loads",
     "of_ratio",
-    "of_slip_torque",
     "of_speed",
-    "of_speed_ratio",
-    "of_string",
     "of_tension",
     "placed",
     "signed",
     "speed_errors",
     "tension_off",
-    "torque",
     "total",
     "used",
     "windup",
@@ -182,11 +175,6 @@ def _led(report: ReportData) -> bool:
     return any(row.prescribed for row in report.pulleys if row.name == report.driver)
 
 
-def torque(report: ReportData, row: PulleyRow, _scale: float = 1.0) -> tuple[str, str, str]:
-    """Return mean, least and most of the torque that is set, or that a speed needs."""
-    return placed(row.torque, 0.0 if given(row.torque) else of_loads(report.accuracy))
-
-
 def windup(report: ReportData, row: PulleyRow) -> tuple[str, str, str]:
     """Return mean, least and greatest windup of a coupling [deg], with the error of its torque."""
     return placed(row.windup, of_loads(report.accuracy), math.degrees(1.0))
@@ -215,37 +203,6 @@ def margin(report: ReportData, value: float | None) -> str:
         return number(value, 2)
     share = of_grip(report)
     return within(value, share and share * value, max(1, 3 + math.floor(math.log10(value))))
-
-
-def of_slip_torque(report: ReportData, row: PulleyRow) -> float | None:
-    """Return the error of the torque at which a pulley slips in full [N m]; None: not known."""
-    share = of_grip(report)
-    return share and share * abs(row.slip_torque or 0.0)
-
-
-def of_belt_torque(report: ReportData, _row: PulleyRow) -> float:
-    """Return the error of the torques of the belt on pulleys [N m], that of the largest."""
-    return of_loads(report.accuracy) * largest(one.belt_torque for one in report.pulleys)
-
-
-def creep_off(report: ReportData) -> float:
-    """Return the error of speeds lost [1], relative to the largest."""
-    return (report.creep_error or 0.0) * largest(one.slower for one in report.creep)
-
-
-def of_speed_ratio(report: ReportData, row: Creep) -> float:
-    """Return the error of a ratio of speeds [1]; all of the creep where its own is not known."""
-    lost = abs(row.slower) if report.creep_error is None else creep_off(report)
-    return lost * abs(row.ratio)
-
-
-def of_string(report: ReportData, row: SpanRow) -> float | None:
-    """Return the error of the frequency of a span as a moving string [Hz]; None: not known."""
-    off = tension_off(report)
-    if row.lateral is None or row.tension is None or off is None:
-        return None
-    pull = row.tension.mean - (report.mass_tension or 0.0)
-    return 0.5 * row.lateral * off / pull if pull > 0.0 else None
 
 
 def of_ratio(report: ReportData, row: PulleyRow) -> float | None:
@@ -307,9 +264,3 @@ def at_rest(report: ReportData) -> str:
     """Return the mean tension at rest; its error is at most that of the run."""
     share = report.tension_error
     return within(report.rest_tension, share and share * abs(report.rest_tension or 0.0))
-
-
-def history_off(report: ReportData, _row: object = None) -> float | None:
-    """Return the error of tensions over time [N]; None: not known."""
-    off, share = tension_off(report), report.accuracy["tension"].known
-    return off and share and off * share / (report.tension_error or share)

@@ -67,31 +67,23 @@ def hub_statics(window: Window) -> Array | None:
 
 def with_hub_loads(
     window: Window, rows: list[PulleyRow], statics: Array | None, passing: float
-) -> tuple[list[PulleyRow], list[str]]:
+) -> list[PulleyRow]:
     """Take the hub loads from the spans; note where they are still those of the contact.
 
     Ranges are of running means over ``passing``, the time in which a link passes [s].
     """
     found, kept = [], []
     for k, row in enumerate(rows):
-        if row.hub_load is None:
-            found.append(row)
-        elif statics is None or np.isnan(statics[:, k]).any():
+        if row.hub_load is not None and (statics is None or np.isnan(statics[:, k]).any()):
             kept.append(row.name)
-            found.append(row)
-        else:
-            size = np.hypot(statics[:, k, 0], statics[:, k, 1])
+        elif row.hub_load is not None and statics is not None:
+            load = spread(window, np.hypot(*statics[:, k].T), passing)
             x, y = window.mean(statics[:, k])
-            found.append(
-                attrs.evolve(
-                    row,
-                    hub_load=spread(window, size, passing),
-                    hub_direction=float(np.arctan2(y, x)),
-                )
-            )
-    if not kept:
-        return found, []
-    return found, [
-        f"hub load of {', '.join(kept)}: from the contact, because tensions or axes are not "
-        "known; its range holds the blows of links that land, of the mesh"
-    ]
+            row = attrs.evolve(row, hub_load=load, hub_direction=float(np.arctan2(y, x)))
+        found.append(row)
+    if kept:
+        window.notes.append(
+            f"hub load of {', '.join(kept)}: from the contact, because tensions or axes are not "
+            "known; its range holds the blows of links that land, of the mesh"
+        )
+    return found

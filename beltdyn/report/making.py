@@ -61,7 +61,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
     if which >= n_b:
         raise ValueError(f"joint must be < {n_b}, the number of joints, got {which}")
     window = Window.last(run, share)
-    notes: list[str] = []
+    notes = window.notes
     for names, parts in _PARTS:
         lacking = missing(run, names)
         if lacking:
@@ -80,40 +80,31 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
         notes.append("the belt stands still in this window: no creep; margins are those at rest")
     if not run.params.has_friction:
         notes.append("there is no friction: the belt hands on no torque")
-    unsteady = window.unsteady()
-    notes += _turns(window)
-    pulleys, said = pulley_rows(window, touched, driver, margins)
-    notes += said
-    statics = hub_statics(window)
+    _turns(window)
+    statics, belt = hub_statics(window), None if touched is None else touched.belt(window)
     passing = 0.0 if touched is None else touched.passing(window)
-    pulleys, said = with_hub_loads(window, pulleys, statics, passing)
-    notes += said
-    notes += _bending(run, pulleys)
-    spans, said = span_rows(window, touched)
-    notes += said
-    mounts, said = mount_rows(window, statics, passing)
-    notes += said
+    pulleys = pulley_rows(window, touched, driver, margins)
+    pulleys = with_hub_loads(window, pulleys, statics, passing)
+    _bending(window, pulleys)
+    spans = span_rows(window, touched)
+    mounts = mount_rows(window, statics, passing)
     creep: list[Creep] = []
     if driver is not None and touched is not None and len(run.params.pulleys) > 1:
-        creep, said = creep_rows(window, touched, driver)
-        notes += said
-    powers, efficiency, efficiency_error, said = power_rows(window, touched)
-    notes += said
+        creep = creep_rows(window, touched, driver)
+    powers, efficiency, efficiency_error = power_rows(window, touched)
     notes += run.accuracy.notes
     counted = cycle_rows(window, driver, which)
-    notes += counted.notes
-    names = run.params.pulley_names
     return Report(
         begin=float(window.t[0]),
         end=float(window.t[-1]),
         samples=window.t.size,
-        driver=None if driver is None else names[driver],
-        belt_speed=None if touched is None else _belt_speed(window, touched),
+        driver=None if driver is None else run.params.pulley_names[driver],
+        belt_speed=None if belt is None else float(belt.speed),
         belt_speeds=None if touched is None else _belt_speeds(window, touched),
         rest_tension=(
             None if run.params._belt_facts["tangents"] else float(run.params.info["mean_tension"])
         ),
-        mass_tension=None if touched is None else _mass_tension(window, touched),
+        mass_tension=None if belt is None else float(belt.centrifugal),
         pulleys=Rows(pulleys),
         spans=Rows(spans),
         mounts=Rows(mounts),
@@ -129,7 +120,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
         joint=which,
         cycles_begin=counted.begin,
         rounds=counted.rounds,
-        unsteady=tuple(unsteady),
+        unsteady=tuple(window.unsteady()),
         notes=tuple(notes),
         accuracy=run.accuracy,
         warnings=run.warnings,
@@ -151,64 +142,51 @@ def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
     driver = driving(window, touched.torques)
     if driver is None:
         return "", []
-    return run.params.pulley_names[driver], creep_rows(window, touched, driver)[0]
+    return run.params.pulley_names[driver], creep_rows(window, touched, driver)
 
 
-def _turns(window: Window) -> list[str]:
-    """Describe where the window holds too few turns of a pulley for its means."""
+def _turns(window: Window) -> None:
+    """Note where the window holds too few turns of a pulley for its means."""
     run = window.run
     if not run._has("pulleys.omega"):
-        return []
+        return
     turns = np.abs(window.mean(window.of(run.pulleys.omega))) * window.lasts / (2.0 * np.pi)
     if run._has("pulleys.torque"):  # of those whose loads may change with the angle
         power = window.mean(np.abs(window.of(run.pulleys.torque) * window.of(run.pulleys.omega)))
         turns = np.where(power > IDLE * power.max(initial=0.0), turns, np.inf)
     slowest = int(np.argmin(turns))
-    if not STANDSTILL_TURNS < turns[slowest] < MIN_TURNS:
-        return []
-    return [
-        f"the window holds {turns[slowest]:.2g} turns of {run.params.label(slowest)}: what changes "
-        "with its angle goes into the means with a broken number of periods"
-    ]
+    if STANDSTILL_TURNS < turns[slowest] < MIN_TURNS:
+        window.notes.append(
+            f"the window holds {turns[slowest]:.2g} turns of {run.params.label(slowest)}: what "
+            "changes with its angle goes into the means with a broken number of periods"
+        )
 
 
-def _bending(run: Run, rows: list[PulleyRow]) -> list[str]:
-    """Describe where the belt's bending stiffness, which limits and margins neglect, matters.
+def _bending(window: Window, rows: list[PulleyRow]) -> None:
+    """Note where the belt's bending stiffness, which limits and margins neglect, matters.
 
     The belt leaves the rim at an angle sqrt(EI/T)/r to its span. There it is pressed on the rim by
     as much as on the arc that this takes off, but pulled along the rim by the component of the
     tension: the exponent mu wrap loses EI/(2 r^2) (1/T_slack - 1/T_tight), to leading order.
     """
-    stiffness = run.params.belt.bending_stiffness
+    stiffness = window.params.belt.bending_stiffness
     told = []
-    for row, pulley in zip(rows, run.params.pulleys, strict=True):
+    for row, pulley in zip(rows, window.params.pulleys, strict=True):
         if row.margin is None or not row.limit or not row.slack or row.limit <= 1.0:
             continue
         loss = stiffness / (2.0 * pulley.radius**2 * row.slack) * (1.0 - 1.0 / row.limit)
         share = loss / math.log(row.limit)
         if share > NOTABLE:
             told.append(f"{100.0 * share:.1f} % on {row.name}")
-    if not told:
-        return []
-    return [
-        "limits, friction in use and margins leave out that the belt resists bending, which takes "
-        f"off mu wrap, so that full slip uses less than 100 %: {', '.join(told)}"
-    ]
-
-
-def _belt_speed(window: Window, touched: Touching) -> float:
-    """Return the mean speed of the belt, along the order of its links [m/s]."""
-    return touched.speed * float(window.mean(touched.stretch.mean(axis=1)))
-
-
-def _mass_tension(window: Window, touched: Touching) -> float:
-    """Return rho v^2 of the stretched belt [N]."""
-    stretch = float(window.mean(touched.stretch.mean(axis=1)))
-    return float(window.params.belt.linear_density * touched.speed**2 * stretch)
+    if told:
+        window.notes.append(
+            "limits, friction in use and margins leave out that the belt resists bending, which "
+            f"takes off mu wrap, so that full slip uses less than 100 %: {', '.join(told)}"
+        )
 
 
 def _belt_speeds(window: Window, touched: Touching) -> Spread | None:
     """Return the speed of the belt with its range."""
     smooth = window.smoothed(touched.speeds[:, None], touched.passing(window))[:, 0]
     found = spread(window, smooth * touched.stretch.mean(axis=1))
-    return None if found is None else attrs.evolve(found, mean=_belt_speed(window, touched))
+    return None if found is None else attrs.evolve(found, mean=float(touched.belt(window).speed))

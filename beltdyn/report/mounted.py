@@ -26,19 +26,16 @@ _FORCES = {
 }
 
 
-def mount_rows(
-    window: Window, statics: Array | None, passing: float
-) -> tuple[list[MountRow], list[str]]:
-    """Return the rows, and what is missing in them."""
+def mount_rows(window: Window, statics: Array | None, passing: float) -> list[MountRow]:
+    """Return the rows; note what is missing in them."""
     params, run = window.params, window.run
     mounts = run.mounts
     if mounts is None:
-        return [], []
-    notes = []
+        return []
     lacking = [name for name in ("travel", *_FORCES.values()) if not run._has(f"mounts.{name}")]
     if lacking:
         names = ", ".join(f"mounts.{name}" for name in lacking)
-        notes.append(f"mounts: {names} not asked for (outputs of simulate)")
+        window.notes.append(f"mounts: {names} not asked for (outputs of simulate)")
     rows = []
     for m, k in enumerate(params.mounted):
         mount, name = params.effective_pulleys[k].mount, params.pulley_names[k]
@@ -66,7 +63,7 @@ def mount_rows(
                 pull = np.array([a @ load for a, load in zip(along, statics[:, k], strict=True)])
                 row["belt"] = _without_blows(window, row["belt"], pull, passing)
         rows.append(MountRow(**row))
-    return rows, notes
+    return rows
 
 
 def _there(mount: Sprung, field: str) -> bool:

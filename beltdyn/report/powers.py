@@ -10,7 +10,7 @@ from ..drive import sanity
 from .digits import number
 from .rows import RESIDUAL, Power
 from .touching import Touching
-from .window import Window
+from .window import Window, missing
 
 __all__ = ["PATHS", "power_rows"]
 
@@ -32,8 +32,8 @@ STORED = 0.01
 
 def power_rows(
     window: Window, touching: Touching | None
-) -> tuple[list[Power], float | None, float | None, list[str]]:
-    """Return the rows, the efficiency, its error and what is missing.
+) -> tuple[list[Power], float | None, float | None]:
+    """Return the rows, the efficiency and its error; note what is missing.
 
     Losses and the change of what is stored are differences of the ledger over the window, exact but
     for its residual. Powers of pulleys are means of samples; "error of sampling" is what their sum
@@ -42,15 +42,16 @@ def power_rows(
     Axes that follow a path put power in or take it off as pulleys do. Dry friction of mounts stores
     what bends its bristles, F^2 / (2 k): that is stored, not lost.
     """
-    run, names = window.run, window.params.pulley_names
+    run, names, notes = window.run, window.params.pulley_names, window.notes
+    energy, lasts = run.energy if run._has("energy") else None, window.lasts
     if not run._has("energy"):
-        return [], None, None, ["no powers: energy not asked for (outputs of simulate)"]
-    if run.energy is None:
-        return [], None, None, ["no powers: the run has no energy ledger (ledger=False)"]
-    if not (run._has("pulleys.omega") and run._has("pulleys.torque")):
-        return [], None, None, ["no powers: pulleys.omega or pulleys.torque not asked for"]
-    energy, lasts = run.energy, window.lasts
-    notes: list[str] = []
+        notes.append("no powers: energy not asked for (outputs of simulate)")
+    elif energy is None:
+        notes.append("no powers: the run has no energy ledger (ledger=False)")
+    elif not (run._has("pulleys.omega") and run._has("pulleys.torque")):
+        notes.append("no powers: pulleys.omega or pulleys.torque not asked for")
+    if energy is None or missing(run, ("energy", "pulleys.omega", "pulleys.torque")):
+        return [], None, None
 
     def rate(history: np.ndarray | None) -> float:
         if history is None:
@@ -103,15 +104,11 @@ def power_rows(
         efficiency = 1.0 - lost / put_in
     if put_in > 0.0:
         error = _error(window, put_in, rate(energy.contact_loss), rate(energy.friction_loss))
-    return (
-        [
-            Power(name=n, kind=k, power=p, share=p / put_in if put_in > 0.0 else None)
-            for n, k, p in rows
-        ],
-        efficiency,
-        error,
-        notes,
-    )
+    found = [
+        Power(name=name, kind=kind, power=power, share=power / put_in if put_in > 0.0 else None)
+        for name, kind, power in rows
+    ]
+    return found, efficiency, error
 
 
 def _error(window: Window, put_in: float, contact: float, friction: float) -> float:

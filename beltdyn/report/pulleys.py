@@ -35,33 +35,26 @@ def spread(window: Window, samples: Array, passing: float = 0.0) -> Spread | Non
 
 def pulley_rows(
     window: Window, touching: Touching | None, driver: int | None, margins: bool = True
-) -> tuple[list[PulleyRow], list[str]]:
-    """Return the rows, and what is missing in them."""
+) -> list[PulleyRow]:
+    """Return the rows; note what is missing in them."""
     params, run = window.params, window.run
     rows = [PulleyRow(name=name, prescribed=name in run.prescribed) for name in params.pulley_names]
-    notes: list[str] = []
     for names, of in (
-        (("pulleys.omega",), _speeds),
-        (("pulleys.torque",), _torques),
-        (("pulleys.omega", "pulleys.torque"), _powers),
+        ((), _motion),
         (("pulleys.load",), _hub_loads),
         (OF_ARCS, _arcs),
+        ((), _coupling),
     ):
         if not missing(run, names):
             rows = [attrs.evolve(row, **of(window, k)) for k, row in enumerate(rows)]
-    rows = [attrs.evolve(row, **_coupling(window, k)) for k, row in enumerate(rows)]
     if touching is not None:
         rows = [attrs.evolve(row, **_contact(window, touching, k)) for k, row in enumerate(rows)]
-        rows, notes = slip_rows(window, touching, driver, rows, margins)
-    rows = [
-        attrs.evolve(
-            row, slip_error=_slip_error(row, float(window.mean(window.arcs.returning[:, k])))
-        )
-        if row.slip_arc is not None
-        else row
-        for k, row in enumerate(rows)
-    ]
-    return rows, notes
+        rows = slip_rows(window, touching, driver, rows, margins)
+    for k, row in enumerate(rows):
+        if row.slip_arc is not None:
+            returning = float(window.mean(window.arcs.returning[:, k]))
+            rows[k] = attrs.evolve(row, slip_error=_slip_error(row, returning))
+    return rows
 
 
 def _slip_error(row: PulleyRow, returning: float) -> float:
@@ -75,8 +68,16 @@ def _slip_error(row: PulleyRow, returning: float) -> float:
     return 0.25 * wrap / links + min(1.0, 4.0 * returning) * abs(in_use - arc)
 
 
-def _speeds(window: Window, k: int) -> dict[str, Any]:
-    return {"speed": spread(window, window.of(window.run.pulleys.omega)[:, k])}
+def _motion(window: Window, k: int) -> dict[str, Any]:
+    run = window.run
+    kept = {
+        name: window.of(getattr(run.pulleys, output))[:, k]
+        for name, output in (("speed", "omega"), ("torque", "torque"))
+        if run._has(f"pulleys.{output}")
+    }
+    if len(kept) == 2:
+        kept["power"] = kept["torque"] * kept["speed"]
+    return {name: spread(window, samples) for name, samples in kept.items()}
 
 
 def _coupling(window: Window, k: int) -> dict[str, Any]:
@@ -93,16 +94,6 @@ def _coupling(window: Window, k: int) -> dict[str, Any]:
         free = window.of(run.couplings.transmitted)[:, c] == 0.0
         found["overruns"] = float(window.mean(free.astype(float)))
     return found
-
-
-def _torques(window: Window, k: int) -> dict[str, Any]:
-    return {"torque": spread(window, window.of(window.run.pulleys.torque)[:, k])}
-
-
-def _powers(window: Window, k: int) -> dict[str, Any]:
-    pulleys = window.run.pulleys
-    power = window.of(pulleys.torque)[:, k] * window.of(pulleys.omega)[:, k]
-    return {"power": spread(window, power)}
 
 
 def _hub_loads(window: Window, k: int) -> dict[str, Any]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from importlib import import_module
 from typing import Any
 
 import attrs
 
 from ..base.checks import flag
+from ..base.optional import optional_module
+from ..base.rounding import finite_or_none
 from . import brief, flat, text
 from .rows import ReportData
 
@@ -83,7 +83,7 @@ class Report(ReportData):
         printed as lost. What is not known is None; so is a number that is infinite (an unlimited
         margin).
         """
-        plain: dict[str, Any] = _plain(attrs.asdict(self, recurse=True))
+        plain: dict[str, Any] = _plain(attrs.asdict(self))
         first = self.first_to_slip
         for row, one in zip(self.creep, plain["creep"], strict=True):
             one["slower"] = row.slower
@@ -101,22 +101,11 @@ class Report(ReportData):
         Raises:
             ImportError: pandas is not installed.
         """
-        try:
-            pandas = import_module("pandas")
-        except ModuleNotFoundError as error:
-            if error.name != "pandas":
-                raise
-            raise ImportError(
-                'to_frame needs the package pandas: python -m pip install "beltdyn[report]"'
-            ) from None
+        pandas = optional_module("pandas", "to_frame", "report")
         return pandas.DataFrame(flat.numbers(self), columns=list(flat.Number._fields))
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _plain(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(one) for one in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    return [_plain(one) for one in value] if isinstance(value, tuple) else finite_or_none(value)

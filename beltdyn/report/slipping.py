@@ -29,6 +29,8 @@ __all__ = ["friction_limits", "slip_rows"]
 IDLE = 0.01
 #: Part of the friction in use at the worst instant from which on an idler in the mean is none.
 SWINGS = 0.3
+#: What the search for full slip raises where it finds none.
+_NO_STATE = (ValueError, np.linalg.LinAlgError)
 
 
 def friction_limits(window: Window, touching: Touching) -> Array:
@@ -56,30 +58,23 @@ def slip_rows(
     driver: int | None,
     rows: list[PulleyRow],
     margins: bool = True,
-) -> tuple[list[PulleyRow], list[str]]:
-    """Add ratios of tensions, friction in use and margins; say what is missing."""
-    spans = window.spans()
-    way = window.route()
+) -> list[PulleyRow]:
+    """Add ratios of tensions, friction in use and margins; note what is missing."""
+    spans, way = window.spans(), window.route()
     if spans is None or spans.shape[1] < 2 or way is None:
-        return rows, []
+        return rows
     tension = window.mean(spans)
     if np.isnan(tension).any():
-        return rows, []
+        return rows
     return _Slipping(window, touching, driver, spans, way.wraps).rows(tension, rows, margins)
 
 
 class _Slipping:
     def __init__(
-        self,
-        window: Window,
-        touching: Touching,
-        driver: int | None,
-        spans: Array,
-        wraps: Array,
+        self, window: Window, touching: Touching, driver: int | None, spans: Array, wraps: Array
     ) -> None:
         self.window, self.touching, self.wraps = window, touching, wraps
-        self.params = window.params
-        self.driver = driver
+        self.params, self.driver = window.params, driver
         # A pulley in full slip gets faster: a law that falls is down to what it has in fast slip.
         self.mu = np.array(self.params._slip_limits[0], dtype=float)
         self.reached = friction_limits(window, touching)
@@ -87,28 +82,24 @@ class _Slipping:
         # A shorter wrap is now and then without a link, and nothing holds its spans apart.
         least = 0.0 if self.params._belt_facts["flows"] else self.params.info["link_length"]
         self.holds = wraps * self.radii >= least
-        self.notes: list[str] = []
+        self.notes = window.notes
         width = touching.passing(window)
         self.tensions = window.smoothed(spans, width)
         self.speeds = window.smoothed(touching.speeds[:, None], width)[:, 0]
         self.torques = window.smoothed(touching.torques, width)
-        gross = touching.gross
-        n_p = self.radii.size
-        self.slips: NDArray[np.bool_] = np.zeros(n_p, dtype=np.bool_)
-        if gross is not None:
-            self.slips = np.asarray(np.any(gross.slips, axis=0), dtype=np.bool_)
+        self.slips: NDArray[np.bool_] = np.zeros(self.radii.size, dtype=np.bool_)
+        if touching.gross is not None:
+            self.slips = np.asarray(np.any(touching.gross.slips, axis=0), dtype=np.bool_)
         travels = window.travels()
         self.travels = np.zeros((window.t.size, 0)) if travels is None else travels
 
-    def rows(
-        self, tension: Array, rows: list[PulleyRow], margins: bool
-    ) -> tuple[list[PulleyRow], list[str]]:
+    def rows(self, tension: Array, rows: list[PulleyRow], margins: bool) -> list[PulleyRow]:
         rows = self._ratios(tension, rows)
         self._full_slips()
         if margins:
             rows = self._margins(tension, rows)
         self._curves(rows)
-        return rows, self.notes
+        return rows
 
     def _used(self, pull: Array) -> Array:
         """Return the part of the friction in use, from tensions less rho v^2 (..., n_p)."""
@@ -148,13 +139,10 @@ class _Slipping:
                 if slack > 0.0 and self.holds[k]:
                     changes["used"] = float(mean[k])
                 history = self.over_time[:, k]
-                there = history[~np.isnan(history)]
-                if there.size:
-                    changes["used_range"] = Spread(
-                        float(self.window.mean(np.where(np.isinf(history), np.nan, history))),
-                        float(there.min()),
-                        float(there.max()),
-                    )
+                if not np.isnan(history).all():
+                    finite = np.where(np.isinf(history), np.nan, history)
+                    ends = float(np.nanmin(history)), float(np.nanmax(history))
+                    changes["used_range"] = Spread(float(self.window.mean(finite)), *ends)
             elif params.has_friction:
                 self.notes.append(
                     f"{params.label(k)} has no friction: it can hold no torque of the belt"
@@ -237,35 +225,28 @@ class _Slipping:
         driver, speed = self.driver, self.touching.speed
         if driver is None:  # it stands still: what holds it makes up for the rest
             driver, speed = int(np.argmax(np.abs(torque))), 0.0
-        travels = self.window.mean(self.travels)
+        travels, sticking = self.window.mean(self.travels), []
         state = self._state(driver, tension, torque, speed, travels)
-        sticking = together = []
         try:
             together = full_slip(state)
             if self._falls().any():
                 sticking = full_slip(attrs.evolve(state, friction=self.reached))
-        except (ValueError, np.linalg.LinAlgError) as error:
+        except _NO_STATE as error:
             self.notes.append(f"no margin of mean torques: {error}")
             return rows
         found = []
-        for k, row in enumerate(rows):
-            one = together[k]
-            if not working[k] or one is None:
-                found.append(row)
-                continue
-            known = not math.isinf(one.factor)
-            changes: dict[str, Any] = {
-                "margin": one.factor,
-                "slip_torque": one.torque if known else None,
-                "slip_tensions": one.tensions if known else None,
-            }
-            if sticking and (held := sticking[k]) is not None and self._falls()[k]:
-                changes["sticking_margin"] = held.factor
-            alone = one if k == driver else _alone(state, k)
-            if alone is not None:
-                changes["own_margin"] = alone.factor
-                changes["own_slip_torque"] = None if math.isinf(alone.factor) else alone.torque
-            found.append(attrs.evolve(row, **changes))
+        for k, (row, one) in enumerate(zip(rows, together, strict=True)):
+            if working[k] and one is not None:
+                row = attrs.evolve(row, margin=one.factor)
+                if math.isfinite(one.factor):
+                    row = attrs.evolve(row, slip_torque=one.torque, slip_tensions=one.tensions)
+                if sticking and (held := sticking[k]) is not None and self._falls()[k]:
+                    row = attrs.evolve(row, sticking_margin=held.factor)
+                alone = one if k == driver else _found(state, k, alone=True)
+                if alone is not None:
+                    own = None if math.isinf(alone.factor) else alone.torque
+                    row = attrs.evolve(row, own_margin=alone.factor, own_slip_torque=own)
+            found.append(row)
         return found
 
     def _worst(self, row: PulleyRow, k: int) -> PulleyRow:
@@ -283,10 +264,7 @@ class _Slipping:
         else:
             driver = int(np.argmin(torque * self.window.of(self.window.run.pulleys.omega)[at]))
         state = self._state(driver, self.tensions[at], torque, speed, self.travels[at])
-        try:
-            one = full_slip(state, [k])[0]
-        except (ValueError, np.linalg.LinAlgError):
-            one = None
+        one = _found(state, k)
         if one is None or (math.isinf(one.factor) and row.margin is None):
             return row
         return attrs.evolve(row, least_margin=one.factor, worst_time=when)
@@ -306,24 +284,23 @@ class _Slipping:
 
     def _capped(self, row: PulleyRow, k: int) -> PulleyRow:
         """Limit the margins of a pulley that slips in full; the least is at most that of means."""
-        most = 1.0 if self.slips[k] else math.inf
-        changes: dict[str, Any] = {}
-        for name in ("margin", "least_margin", "own_margin", "sticking_margin"):
-            value = getattr(row, name)
-            if value is None and self.slips[k] and name in ("margin", "least_margin"):
-                value = 1.0
-            if value is not None:
-                changes[name] = min(value, most)
-        if changes.get("least_margin") is None and row.margin is not None and self.slips[k]:
-            changes["least_margin"] = min(row.margin, most)
-        if "least_margin" in changes and "margin" in changes:
-            changes["least_margin"] = min(changes["least_margin"], changes["margin"])
-        return attrs.evolve(row, **changes)
+        margins: dict[str, Any] = {"margin": row.margin, "least_margin": row.least_margin}
+        others: dict[str, Any] = {
+            "own_margin": row.own_margin,
+            "sticking_margin": row.sticking_margin,
+        }
+        if self.slips[k]:
+            margins = {name: 1.0 if one is None else min(one, 1.0) for name, one in margins.items()}
+            others = {name: one if one is None else min(one, 1.0) for name, one in others.items()}
+        known = [one for one in margins.values() if one is not None]
+        if len(known) == 2:
+            margins["least_margin"] = min(known)
+        return attrs.evolve(row, **margins, **others)
 
 
-def _alone(state: Steady, k: int) -> FullSlip | None:
-    """Find the torque at which a pulley slips if its own alone grows, balanced by the driver."""
+def _found(state: Steady, k: int, *, alone: bool = False) -> FullSlip | None:
+    """Find the torque at which a pulley slips, by itself or if its own alone grows, if there is."""
     try:
-        return full_slip(state, [k], alone=True)[0]
-    except (ValueError, np.linalg.LinAlgError):
+        return full_slip(state, [k], alone=alone)[0]
+    except _NO_STATE:
         return None

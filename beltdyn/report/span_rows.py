@@ -76,13 +76,13 @@ def dominant(t: Array, values: Array) -> Line | None:
     return Line(float((k + shift) * step), float(amplitude))
 
 
-def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow], list[str]]:
-    """Return the rows, and what is missing in them."""
-    params, run = window.params, window.run
-    notes: list[str] = []
+def span_rows(window: Window, touching: Touching | None) -> list[SpanRow]:
+    """Return the rows; note what is missing in them."""
+    params, run, notes = window.params, window.run, window.notes
     n_p = len(params.pulleys)
     if n_p == 1:
-        return [], ["one pulley: there is no span between two"]
+        notes.append("one pulley: there is no span between two")
+        return []
     way = window.route()
     names = params.pulley_names
     spans = window.spans()
@@ -141,7 +141,7 @@ def span_rows(window: Window, touching: Touching | None) -> tuple[list[SpanRow],
             f"lines of the spans below {LEAST / window.lasts:.3g} Hz, of which the window does not "
             f"hold {LEAST} periods; above, a span without a line has none that stands out"
         )
-    return rows, notes
+    return rows
 
 
 def _without(window: Window, k: int, absent: NDArray[np.bool_]) -> str:

@@ -17,6 +17,7 @@ from .digits import NONE, between, number, tension_off, within
 from .rows import RESIDUAL, PulleyRow, ReportData
 
 __all__ = [
+    "beside_tensions",
     "cells",
     "couplings",
     "foreseen",
@@ -215,13 +216,17 @@ def _on_spans(report: ReportData) -> Iterator[str]:
             f"In all of the run: at most {next(ends)} N ({tight}), at least {next(ends)} N "
             f"({loose}; {slack}); means over the span."
         )
-    told = []
-    if report.rest_tension is not None:
-        told.append(f"Mean tension at rest: {digits.at_rest(report)} N.")
-    if report.mass_tension is not None:
-        told.append(f"rho v^2 in this window: {number(report.mass_tension, 3)} N.")
-    if told:
-        yield " ".join(told)
+    if told := beside_tensions(report):
+        yield f"Beside these: {'; '.join(told)}."
+
+
+def beside_tensions(report: ReportData) -> list[str]:
+    """Return the tension at rest and the part of the tension that turns the belt's mass."""
+    known = {
+        "mean tension at rest": report.rest_tension is not None and digits.at_rest(report),
+        "rho v^2": report.mass_tension is not None and number(report.mass_tension, 3),
+    }
+    return [f"{name} {value} N" for name, value in known.items() if value]
 
 
 def _on_mounts(report: ReportData) -> Iterator[str]:

@@ -85,17 +85,24 @@ class Touching:
         """
         if window.params._belt_facts["flows"]:
             return 0.0
-        speed = float(window.mean(np.abs(self.speeds)))
-        length = float(window.params.info["link_length"])
+        speed, length = self._speed(window), float(window.params.info["link_length"])
         if not speed * window.lasts > PASSINGS * length:
             return 0.0
         one = length / speed
         return one * max(1.0, math.ceil(4.0 * window.lasts / (window.t.size - 1) / one))
 
+    def _speed(self, window: Window) -> float:
+        return float(window.mean(np.abs(self.speeds)))
+
+    def belt(self, window: Window) -> Span:
+        """Return the belt as it runs in the mean: its speed, tension, centrifugal tension."""
+        belt = window.params.belt
+        stretch = float(window.mean(self.stretch.mean(axis=1)))
+        return Span(belt, belt.axial_stiffness * (stretch - 1.0), self.speed)
+
     def stands(self, window: Window, least: float) -> bool:
         """Return whether the belt is slower than this [m/s], or moves by a small part of a link."""
-        speed = float(window.mean(np.abs(self.speeds)))
-        length = float(window.params.info["link_length"])
+        speed, length = self._speed(window), float(window.params.info["link_length"])
         return not (speed > least and speed * window.lasts > STILL * length)
 
     def reverses(self, window: Window) -> bool:

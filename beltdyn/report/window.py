@@ -54,11 +54,13 @@ class Window:
         run: The run.
         rows: Its samples.
         weights: Weights of the trapezoidal rule over the times of these samples, of sum 1 (n_w,).
+        notes: What could not be determined, and why.
     """
 
     run: Run
     rows: slice
     weights: Array
+    notes: list[str] = attrs.field(factory=list)
 
     @classmethod
     def last(cls, run: Run, share: float) -> Window:
@@ -187,28 +189,26 @@ class Window:
             return ["whether it is steady cannot be told from fewer than four samples"]
         found: list[tuple[float, str]] = []
         names = self.params.pulley_names
+
+        def look(samples: Array, name: str, unit: str, scale: float, least: float) -> None:
+            before, after = self._halves(samples)
+            change = abs(after - before)
+            if change > max(STEADY * scale, least) > 0.0:
+                text = f"the mean {name} goes from {before:.3g} to {after:.3g} {unit}{_HALVES}"
+                found.append((change / scale, text))
+
         if self.run._has("pulleys.omega"):
-            omega = self.of(self.run.pulleys.omega)
-            scale = float(np.max(np.abs(omega) * self.params._radii))
+            omega, radii = self.of(self.run.pulleys.omega), self.params._radii
+            scale = float(np.max(np.abs(omega) * radii))
             least = float(self.params.info["drag_speed"])  # what errors of speeds leave
-            for k, pulley in enumerate(self.params.pulleys):
-                before, after = self._halves(omega[:, k])
-                if abs(after - before) * pulley.radius > max(STEADY * scale, least):
-                    text = (
-                        f"the mean speed of {names[k]} goes from {before:.3g} to {after:.3g} rad/s"
-                    )
-                    found.append((abs(after - before) * pulley.radius / scale, text + _HALVES))
+            for name, samples, radius in zip(names, omega.T, radii, strict=True):
+                look(samples, f"speed of {name}", "rad/s", scale / radius, least / radius)
         spans = self.spans()
         if spans is not None and spans.shape[1] > 1:
             scale = float(np.nanmean(np.abs(spans))) if not np.isnan(spans).all() else 0.0
-            for k in range(spans.shape[1]):
-                before, after = self._halves(spans[:, k])
-                if abs(after - before) > STEADY * scale > 0.0:
-                    text = (
-                        f"the mean tension from {names[k]} to {names[(k + 1) % len(names)]} goes "
-                        f"from {before:.3g} to {after:.3g} N"
-                    )
-                    found.append((abs(after - before) / scale, text + _HALVES))
+            for k, samples in enumerate(spans.T):
+                name = f"tension from {names[k]} to {names[(k + 1) % len(names)]}"
+                look(samples, name, "N", scale, 0.0)
         return [text for _, text in sorted(found, key=lambda one: -one[0])]
 
     def _halves(self, samples: Array) -> tuple[float, float]:
