@@ -305,12 +305,59 @@ class Ale(Mesh):
         found[..., self.arcs] = 0.5 * self.bending_stiffness * (angle / m[..., self.arcs]) ** 2
         return found
 
+    def pulls(self, m: Array, geo: Geometry, ax: Axial) -> Array:
+        """What the energies of bending and contact on arcs do to the nodes. [5]"""
+        energy = self.bending(m, geo)
+        energy[..., self.arcs] -= self.pressed(ax.sink)
+        return (energy - energy[..., self.before]) / ax.at_node
+
+    def lengthens(
+        self, m: Array, geo: Geometry, ax: Axial, dm: Array, da: Array, ab: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """At which the paths of spans and of arcs' cells grow longer without their nodes; of spans
+        by c'. [5]
+        """
+        ea, rho, of, span = self.axial_stiffness, self.linear_density, self.arc_pulley, geo.span
+        c = 0.5 * (ax.past[..., self.spans] + ax.past[..., self.ends])
+        stretch, waves = ax.stretch[..., self.spans], self.modes * math.pi / span[..., None]
+        h = ax.pressing[..., self.spans]
+        stiff = h[..., None] * waves**2 + self.stiff * waves**4
+        fall = 0.5 * span * (waves**4 * ax.static**2 / stiff).sum(axis=-1)
+        by_h = self.run_off(h, span)[1] + np.where(h > SLOPES[0] * self.h_0, fall, 0.0)
+        thrown = rho * c**2 / stretch
+        by_t, by_c = 1.0 + thrown / stretch / ea, -2.0 * thrown / np.where(c == 0.0, 1.0, c)
+        per = m[..., self.spans] / ea - by_h * by_t
+        per = 1.0 / np.where(per > 0.1 * m[..., self.spans] / ea, per, m[..., self.spans] / ea)
+        drawn = (0.5 * span[..., None] * waves**2 * ab * da).sum(axis=-1)
+        stands = 0.25 * span[..., None] * waves**2 * ax.static**2
+        by_span = (stands * (1.0 - 4.0 * self.stiff * waves**4 / stiff)).sum(axis=-1)
+        by_span = (by_span + 0.5 * self.tilt**2 * (h**-2 - self.h_0**-2) / span) / span
+        bent = 0.25 * (waves**2 * ab**2).sum(axis=-1)
+        pulls = drawn + geo.span_rate * (1.0 + by_span - bent) - stretch * dm[..., self.spans]
+        raise_ = self.s * self.raised
+        turns = -self.sense * geo.turning * (raise_ - np.roll(raise_, -1, axis=-1))
+        of_spans = by_h * by_t * per * pulls + turns + by_span * geo.span_rate
+        by_quickens = by_h * by_c * (1.0 + by_t * per * by_h)
+        # arcs
+        turned = geo.wrap_rate[..., of] / self.on[of]
+        angle = geo.wrap[..., of] / self.on[of]
+        m_a, rad = m[..., self.arcs], (self.radii + self.compensated)[of]
+        c1, c2 = self.contact
+        r = rad - ax.sink
+        w = 0.5 * (ax.slid + ax.slid[..., self.next])[..., self.arcs]
+        q = angle / m_a
+        firm = ea * q**2 + c2 + 2.0 * c1 * np.maximum(ax.sink, 0.0) + rho * w**2 / r**2
+        by_m = ea * (1.0 - 2.0 * r * q) / firm * q / m_a
+        by_w = -2.0 * rho * w / r / firm
+        sinks = by_m * (dm[..., self.arcs] - m_a * turned / angle)
+        return of_spans, by_quickens, (r - self.radii[of]) * turned - sinks * angle, -by_w * angle
+
     def rate(self, t: float, y: Array) -> Array:
         """dy/dt of states (..., size)."""
         y = np.array(y, dtype=float)
         for j, motion in self.motion.items():
             y[..., self.layout["omega"][0]][..., j] = motion(t)[0]
-        m, v, a = (self.get(y, name) for name in "mva")
+        m, v, a, p = (self.get(y, name) for name in "mvap")
         omega, theta = self.get(y, "omega"), self.get(y, "theta")
         nxt, prv, spans, ends, arcs = self.next, self.before, self.spans, self.ends, self.arcs
         rho, geo = self.linear_density, self.geometry(t, y)
@@ -342,16 +389,15 @@ class Ale(Mesh):
         losing = self.per_losing(geo, ax).sum(axis=0) * speeds
         resists = (losing[..., None] * self.rolls(geo)).sum(axis=-3)
         dp = dp - 2.0 * resists / (span[..., None] * mp)
+        forced = dp  # what the span as a whole gives its ends
         if self.reaction:
             dp = dp - (dm[..., spans] / m_s)[..., None] * (da + cc * ga)
 
         # [5] momentum along the belt
         density_at = 0.5 * rho * (m + m[..., prv])  # rhoA M
-        energy = self.bending(m, geo)
-        pull = (energy - energy[..., prv]) / ax.at_node
-        stiff = ax.tension - ax.tension[..., prv] + pull
+        stiff = ax.tension - ax.tension[..., prv] + self.pulls(m, geo, ax)
         u_n = dot(geo.axis[..., self.pulley, :], geo.nn)
-        through = rho * 0.25 * (ax.past + ax.past[..., nxt]) / ax.stretch
+        through = 0.25 * rho * (ax.flow + ax.flow[..., nxt])
         convected, convected_n = self.convected(geo, ax, u_n, through)
         on_nodes = np.zeros_like(v)
         rubs = self.on_ends(ax, force)
@@ -360,28 +406,44 @@ class Ale(Mesh):
         np.add.at(on_nodes, (..., np.stack((spans, ends))), -losing)
         total = stiff + on_nodes - convected
         total = total + density_at * (dot(self.g, geo.t) - self.sense * geo.node_turning * u_n)
-        added, first_moment = 0.0, 0.0
+        # by how much paths grow longer, what runs along them is slower [5]
+        longer, by_quickens, of_arcs, by_w = self.lengthens(m, geo, ax, dm, da, ab)
+        carried = rho * c / ax.stretch[..., spans]
+        first_moment, added = carried * longer, carried * by_quickens
         if self.reaction:
             weight = 0.5 * rho * m_s
             kappa = (waves * ab) ** 2
-            first_moment = weight * (dp * ga + 2.0 * cc * waves**2 * ab * da).sum(axis=-1)
-            added = weight * (kappa - ga**2).sum(axis=-1)
+            first_moment += weight * (dp * ga + (p - da) * gda).sum(axis=-1)
+            first_moment += weight * (2.0 * cc * waves**2 * ab * da).sum(axis=-1)
+            shorter = -(geo.span_rate / span)[..., None]  # of waves' slopes
+            first_moment += weight * (shorter * (p * ga + 2.0 * cc * kappa)).sum(axis=-1)
+            added += weight * (kappa - ga**2).sum(axis=-1)
             lateral = 0.25 * density * (da**2 - cc**2 * kappa).sum(axis=-1)
+            lateral = lateral + rho / 12.0 * (v[..., ends] - v[..., spans]) ** 2
+            lateral = lateral + rho / 12.0 * (u_n[..., ends] - u_n[..., spans]) ** 2
             total[..., spans] += lateral
             total[..., ends] -= lateral
-        dv = total / density_at
         # both ends of a span: consistent mass and the reaction of the modes, a symmetric 2 x 2
         mu = rho * m_s / 6.0 if self.consistent else 0.0
-        f_0 = total[..., spans] - 0.5 * first_moment
-        f_1 = total[..., ends] - 0.5 * first_moment
         k_00 = density_at[..., spans] - mu + 0.25 * added
         k_11 = density_at[..., ends] - mu + 0.25 * added
         k_01 = mu + 0.25 * added
         determinant = k_00 * k_11 - k_01**2
-        dv[..., spans] = (k_11 * f_0 - k_01 * f_1) / determinant
-        dv[..., ends] = (k_00 * f_1 - k_01 * f_0) / determinant
+        mean = 0.5 * (ax.slid + ax.slid[..., nxt])[..., arcs]
+        dv = np.zeros_like(v)
+        for _ in range(5):  # by 1e-5 of it each what accelerates changes depths
+            dw = 0.5 * (dv + dv[..., nxt])[..., arcs]
+            slows = 0.5 * rho * mean / ax.stretch[..., arcs] * (of_arcs + by_w * dw)
+            f = total.copy()
+            np.add.at(f, (..., arcs), -slows)
+            np.add.at(f, (..., nxt[arcs]), -slows)
+            dv = f / density_at
+            f_0 = f[..., spans] - 0.5 * first_moment
+            f_1 = f[..., ends] - 0.5 * first_moment
+            dv[..., spans] = (k_11 * f_0 - k_01 * f_1) / determinant
+            dv[..., ends] = (k_00 * f_1 - k_01 * f_0) / determinant
+        dc = 0.5 * (dv[..., spans] + dv[..., ends])
         if self.reaction:
-            dc = 0.5 * (dv[..., spans] + dv[..., ends])
             dp = dp - dc[..., None] * ga
 
         # pulleys
@@ -406,7 +468,17 @@ class Ale(Mesh):
 
         works = np.zeros((*omega.shape[:-1], len(LEDGER)))
         ddq, share_rate, works[..., 5] = self.mount_rows(
-            y, geo, ax, rubs, density_at, convected_n, dp, da, resists, losing
+            y,
+            geo,
+            ax,
+            rubs + slows[..., None, :],
+            density_at,
+            convected_n,
+            forced,
+            da,
+            resists,
+            losing + 0.5 * (first_moment + added * dc)[..., None, :],
+            self.shortens(y, geo, ax, ab),
         )
         works[..., 0] = (torque * omega).sum(axis=-1)
         own, all_of = np.empty((2, self.n))
@@ -426,6 +498,31 @@ class Ale(Mesh):
         works[..., 4] = (resists * (omega - carrier)).sum(axis=-1)
         parts = dm, dv, z_rate, da, dp, omega, domega, dq, ddq, share_rate, works
         return np.concatenate([one.reshape(*y.shape[:-1], -1) for one in parts], axis=-1)
+
+    def shortens(self, y: Array, geo: Geometry, ax: Axial, ab: Array) -> Array:
+        """What waves pull along their spans, for they are longer then. [7]"""
+        span, h, t = geo.span, ax.pressing[..., self.spans], ax.tension[..., self.spans]
+        waves = self.modes * math.pi / span[..., None]
+        bent = 0.25 * span * (waves**2 * ab**2).sum(axis=-1)
+        rests = (
+            0.25
+            * span[..., None]
+            * ax.static**2
+            * (self.stiff * waves**4 - h[..., None] * waves**2)
+        )
+        tilts = self.tilt**2 / h * (1.0 - h / self.h_0) ** 2 / (2.0 * span)
+        moment = self.end_moment(span)
+        rests = rests - 0.75 * span[..., None] * self.stiff * waves**4 * ab**2 + moment * ab
+        c = 0.5 * (ax.past[..., self.spans] + ax.past[..., self.ends])
+        ga = (self.gyro / span[..., None, None] @ self.get(y, "a")[..., None])[..., 0]
+        m = self.get(y, "m")[..., self.spans]
+        momentum = (
+            0.5
+            * self.linear_density
+            * m
+            * (self.get(y, "p") * ga + c[..., None] * (waves * ab) ** 2).sum(axis=-1)
+        )
+        return (t * bent + tilts - rests.sum(axis=-1) - c * momentum) / span
 
     def swings(self, y: Array, geo: Geometry) -> Array:
         """a' of the modes (..., n_p, K). [6]"""
@@ -482,7 +579,7 @@ class Ale(Mesh):
 
     def mount_rows(
         self, y: Array, geo: Geometry, ax: Axial, force: Array, density_at: Array,
-        convected_n: Array, dp: Array, da: Array, resists: Array, losing: Array,
+        convected_n: Array, dp: Array, da: Array, resists: Array, losing: Array, pulls: Array,
     ) -> tuple[Array, Array, Array]:  # fmt: skip
         """q'', zeta' and the losses of the mounts. [7]"""
         q, dq, zeta = (self.get(y, name) for name in ("q", "dq", "zeta"))
@@ -497,8 +594,7 @@ class Ale(Mesh):
         turned = geo.t[..., nxt, :] - geo.t
         arcs, ends_of = self.arcs, self.next[self.arcs]
         on_cells[..., arcs] = (ax.tension * dot(lever, turned))[..., arcs]
-        energy = self.bending(m, geo)
-        on_nodes = -a_t * (energy - energy[..., self.before]) / ax.at_node
+        on_nodes = -a_t * self.pulls(m, geo, ax)
         f_t = force[..., 0, :] * a_t[..., arcs] + force[..., 1, :] * a_t[..., ends_of]
         on_cells[..., arcs] += f_t
         # inertia normal to the belt. rate_n: u'.n but for q''; of V.n alone, and with the turning
@@ -530,6 +626,7 @@ class Ale(Mesh):
         gives += np.array([-1.0, 1.0])[:, None] * (sided / geo.span)[..., None, :]
         if self.line_raised:
             gives += np.array([-1.0, 1.0])[:, None] * lift[..., None, :]
+        losing = losing + np.array([-1.0, 1.0])[:, None] * pulls[..., None, :]
         np.add.at(on_nodes, (..., pair), -levers * gives + a_t[..., pair] * losing)
 
         matrix = np.zeros((*q.shape, self.n_m))
@@ -569,9 +666,7 @@ class Ale(Mesh):
         rho, spans, arcs = self.linear_density, self.spans, self.arcs
         m_s, span, waves = m[..., spans], geo.span, self.modes * math.pi / geo.span[..., None]
         elastic = 0.5 * self.axial_stiffness * (ax.stretch - 1.0) ** 2 * m
-        c1, c2 = self.contact
-        d = np.maximum(ax.sink, 0.0)
-        contact = (c1 * d**3 / 3.0 + c2 * ax.sink**2 / 2.0) * m[..., arcs]
+        contact = self.pressed(ax.sink) * m[..., arcs]
         # spans: what bending stores as H changes, integral of T dX, and the modes
         ab = a + self.offset(span)
         h = ax.pressing[..., spans]
@@ -579,7 +674,7 @@ class Ale(Mesh):
         x, _ = self.run_off(h, span)
         stands = 0.25 * span * (waves**2 * ax.static**2).sum(axis=-1)
         summed, _ = self._tabled(self.x_sum, u)
-        summed = summed + (self.tilt**2 / h + (self.tilt / self.h_0) ** 2 * h) / (2.0 * span)
+        summed = summed + self.tilt**2 / h * (1.0 - h / self.h_0) ** 2 / (2.0 * span)
         # integral of stands dH is -(S/4) sum k^2 Q^2 ... / (H k^2 + EI k^4)
         stiff = h[..., None] * waves**2 + self.stiff * waves**4
         summed = summed + 0.25 * span * (ax.static**2 * stiff).sum(axis=-1)

@@ -136,8 +136,13 @@ class Mesh:
             put("compensated", np.array([depth(one, self.contact) for one in pressure]))
         put("h_0", self._tension_of(places))
         put("raised", np.zeros(n_p))
+        put("moment", np.zeros(n_p))
         if self.line_raised:
-            put("raised", self.bending_stiffness / (2.0 * radii * self.h_0))
+            stretch = 1.0 + self.h_0 / self.axial_stiffness
+            deep = np.array([depth(self.h_0 * stretch / r, self.contact) for r in radii])
+            put("moment", self.bending_stiffness * stretch / (2.0 * radii))
+            put("moment", self.moment + self.pressed(deep) * radii / stretch)
+            put("raised", self.moment / self.h_0 - deep + self.compensated)
         self._mesh(places, put)
         self._run_offs(put)
         self._dampers(put)
@@ -251,8 +256,13 @@ class Mesh:
             works = 2.0 * (root - 1.0) * np.sqrt(both) / (root**2 * u2) * wave / straight
             mass = 1.0 + 2.0 * reach / length * (1.0 - root / both + u2 / (both * root))
             put("driven", works * (1.0 + self.stiff * straight**2 / self.h_0) / np.sqrt(mass))
-        k = self.s / self.radii
-        put("tilt", 0.5 * self.bending_stiffness * (k - np.roll(k, -1)))  # o H
+        k = self.s * self.moment
+        put("tilt", k - np.roll(k, -1))  # o H
+
+    def pressed(self, sink: Array) -> Array:
+        """Energy of the contact per metre of stress-free belt."""
+        c1, c2 = self.contact
+        return np.asarray(c1 * np.maximum(sink, 0.0) ** 3 / 3.0 + c2 * sink**2 / 2.0)
 
     def _lying(self, r: float, force: float) -> tuple[float, Callable[[Array], Array]]:
         """Where belt touches a pulley under a force, and its depth from there on. [3]"""

@@ -75,9 +75,10 @@ def lay(model: Ale, h: float, flow: float, q: Array) -> Array:
     bends = 0.5 * model.bending_stiffness
     cells = r * angle / low
     for _ in range(50):
-        _, length = model._arc_cells(cells, angle, flow * low)
+        sink, length = model._arc_cells(cells, angle, flow * low)
         at_end = 0.5 * (stretch + low)  # lambda of the node between span and arc
-        tension = h + rho * flow**2 * low - bends * (angle / cells) ** 2 / at_end
+        stored = bends * (angle / cells) ** 2 - model.pressed(sink)
+        tension = h + rho * flow**2 * low - stored / at_end
         # node equation: EA (low^2 - stretch^2)/2 / at_end = EA (low - stretch)
         low = 1.0 + tension / ea
         cells = length / low

@@ -64,7 +64,8 @@ def test_a_moving_string_has_its_frequencies() -> None:
     """f = (c_w^2 - v^2) / (2 S c_w). Of K sine modes the error falls as K^-3; K = 4 has 0.05 %,
     0.17 % at v/c 0.3, 0.5, by Galerkin's method on its own.
     """
-    model = ale_of(scene_m().params, bending_stiffness=0.0, n_modes=4, cell=0.05, least=4)
+    undamped = {"bending_stiffness": 0.0, "contact_damping": (0.0, 0.0)}
+    model = ale_of(scene_m().params, n_modes=4, cell=0.05, least=4, **undamped)
     for share, error in ((0.3, 6e-4), (0.5, 2e-3)):
         y = runs.at_speed(model, -share * math.sqrt(model.h_0 / DENSITY) / RADIUS)
         ax = model.axial(y, model.geometry(0.0, y))
@@ -158,22 +159,23 @@ def turnover(model: Ale, y: np.ndarray, term: str, h: float = 1e-6) -> float:
 
 
 @pytest.mark.extended(guard="test_ale.py::test_its_energy_balance_closes")
+@pytest.mark.parametrize("speed", [0.0, -400.0])
 @pytest.mark.parametrize("bending", [0.0, 0.08272])
-def test_energy_is_kept_on_fixed_axes_and_by_a_mount(bending: float) -> None:
+def test_energy_is_kept_on_fixed_axes_and_by_a_mount(bending: float, speed: float) -> None:
     """No power is without its owner, of states at random, over what goes to and fro between elastic
     and kinetic energy: the belt alone, with its bending (X, end moments), and with a slider, where
     every term of the belt's force on an axis has its counterpart in the belt, and with damping of
-    bending. What the equations
-    leave out is of the order of d / R and of the stretch, 5e-3, times the part that it concerns.
+    bending. What the equations leave out with a slider, the path's own acceleration among c', is of
+    the order of X / S, 1e-3, times the axis's speed over the belt's, a tenth.
     """
     params = scene_u().params
     slider = reference_mounts.Slider(direction=(1.0, 0.3), mass=0.4, stiffness=2e4, preload=640.0)
-    for mounts in ({}, {1: slider}):
+    for mounts, bound in (({}, 3e-5), ({1: slider}, 3e-4)):
         model = quiet(
             params, bending_stiffness=bending, bending_damping=1e-3 * bending, mounts=mounts
         )
-        y = vibrating(model, 0.0)
-        assert np.abs(_residual(model, y)).max() < 3e-3 * turnover(model, y, "elastic")
+        y = vibrating(model, speed)
+        assert np.abs(_residual(model, y)).max() < bound * turnover(model, y, "elastic")
 
 
 @pytest.mark.extended(guard="test_ale.py::test_its_energy_balance_closes")

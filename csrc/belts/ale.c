@@ -242,6 +242,15 @@ static void sinks_at(const bd_ale *ale, double R, double *running, double *press
   }
 }
 
+/* The straight part's line is off the pulley by what bending and contact store per metre of belt
+ * on it, over the force: as a wrap grows, the work of that is what they gain. */
+static void raise_line(const bd_ale *ale, bd_ale_arc *arc) {
+  const double stretch = 1.0 + ale->rest / ale->axial, R = arc->radius;
+  const double depth = bd_contact_depth(ale->quadratic, ale->linear, ale->rest * stretch / R);
+  arc->moment = ale->bending * stretch / (2.0 * R) + bd_ale_pressed(ale, depth) * R / stretch;
+  arc->line_radius = R + arc->raised - depth + arc->moment / ale->rest;
+}
+
 static void make_arc(bd_ale *ale, const bd_ale_drive *drive, int j, int begin) {
   bd_ale_arc *arc = &ale->arcs[j];
   const bd_ale_pulley *pulley = &drive->pulleys[j];
@@ -255,10 +264,9 @@ static void make_arc(bd_ale *ale, const bd_ale_drive *drive, int j, int begin) {
       .sense = drive->direction * pulley->side,
       .radius = pulley->radius,
       .raised = pulley->raised,
-      .line_radius =
-          pulley->radius + drive->bending_stiffness / (2.0 * pulley->radius * drive->rest),
       .axis = {.c = {pulley->center[0], pulley->center[1]}},
   };
+  raise_line(ale, arc);
   if (pulley->friction) {
     const int law = pulley->friction->law;
     arc->friction = *pulley->friction;
@@ -297,7 +305,9 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
     const bd_ale_arc *from = &ale->arcs[i], *to = &ale->arcs[from->next];
     span->curvature[0] = from->side / from->radius;
     span->curvature[1] = to->side / to->radius;
-    span->tilt = 0.5 * ale->bending * (span->curvature[0] - span->curvature[1]);
+    span->tilt = from->side * from->moment - to->side * to->moment;
+    span->raised =
+        from->side * (from->line_radius - from->radius) - to->side * (to->line_radius - to->radius);
     const double *a = from->axis.c, *b = to->axis.c;
     const double rises = from->side * from->line_radius - to->side * to->line_radius;
     const double apart = hypot(b[0] - a[0], b[1] - a[1]);
@@ -346,9 +356,8 @@ static double sum_of_x(const bd_ale *ale, const bd_ale_table *table, double h) {
 
 /* What bending stores in a span as H changes, and in its modes. */
 static double bending_of_span(const bd_ale *ale, const bd_ale_span *span) {
-  const double h = span->pressing, S = span->length, o_0 = span->tilt / ale->rest;
-  double sum =
-      sum_of_x(ale, span->table, h) + (span->tilt * span->tilt / h + o_0 * o_0 * h) / (2.0 * S);
+  const double h = span->pressing, S = span->length, off = 1.0 - h / ale->rest;
+  double sum = sum_of_x(ale, span->table, h) + span->tilt * span->tilt / h * off * off / (2.0 * S);
   double modes = 0.0;
   for (int n = 0; n < BD_ALE_MODES; ++n) {
     const double k2 = span->wave[n] * span->wave[n], ab = span->ab[n], a = span->rest[n];
@@ -389,10 +398,9 @@ bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y) {
       sum.axial += 0.5 * ale->axial * strain * strain * y->m[k];
       sum.kinetic += 0.5 * (mass * v * v + own * across * across);
       if (k < arc->begin + arc->n) {
-        const double d = ale->sink[k], sunk = fmax(d, 0.0);
-        sum.contact +=
-            (ale->quadratic * sunk * sunk * sunk / 3.0 + 0.5 * ale->linear * d * d) * y->m[k];
-        sum.bending += ale->bent[k] * y->m[k];
+        const double pressed = bd_ale_pressed(ale, ale->sink[k]);
+        sum.contact += pressed * y->m[k];
+        sum.bending += (ale->bent[k] + pressed) * y->m[k];
       }
     }
     energy_of_span(ale, y, j, &sum);
@@ -421,7 +429,9 @@ void bd_ale_lose_in_contact(bd_ale *ale, const bd_ale_state *y) {
     bd_ale_arc *arc = &ale->arcs[j];
     const bd_ale_span *in = &ale->spans[arc->before], *out = &ale->spans[j];
     const double on = end_speed(in, 1), off = end_speed(out, 0);
+    const double m = y->m[arc->begin + arc->n]; /* both ends of a span are pressed together */
     arc->contact_loss = drawn_on(ale, y, j) * (arc->damping - arc->axial_part) +
+                        out->drawn * out->drawn / m * (out->damping - out->axial_part) +
                         in->sinks[1] * on * on + out->sinks[0] * off * off;
   }
 }
@@ -451,20 +461,22 @@ bd_ale_losses bd_ale_losses_of(const bd_ale *ale, const bd_ale_state *y) {
 
 /* --- starts ----------------------------------------------------------------------------------- */
 
-/* On an arc T + EI theta'^2 / (2 m^2 lambda~) - rhoA J^2 lambda is that of a span, lambda~ that of
- * the node between: metres of a cell, its stretch into `stretch`, the radius on which it runs. */
+/* On an arc T + (EI theta'^2 / 2 m^2 - energy of contact) / lambda~ - rhoA J^2 lambda is that of a
+ * span, lambda~ that of the node between: metres of a cell, its stretch into `stretch`, the radius
+ * on which it runs. */
 static double lay_cell(const bd_ale *ale, const bd_ale_arc *arc, double pressing, double flow,
                        double of_span, double *stretch, double *rho) {
   const double EA = ale->axial, square = ale->density * flow * flow;
-  double low = of_span, m = arc->cell_angle * arc->radius / low;
+  double low = of_span, m = arc->cell_angle * arc->radius / low, depth = 0.0;
   *rho = arc->radius + arc->raised;
   for (int turn = 0; turn < 50; ++turn) {
     const double bent = arc->cell_angle / m;
-    const double bends = ale->bending * bent * bent / (of_span + low);
+    const double bends =
+        (ale->bending * bent * bent - 2.0 * bd_ale_pressed(ale, depth)) / (of_span + low);
     const double tension = pressing + square * low - bends;
     low = 1.0 + tension / EA;
     const double pressure = (tension * low - square * low * low) / *rho;
-    const double depth = bd_contact_depth(ale->quadratic, ale->linear, fmax(0.0, pressure));
+    depth = bd_contact_depth(ale->quadratic, ale->linear, fmax(0.0, pressure));
     *rho = arc->radius + arc->raised - depth;
     m = arc->cell_angle * *rho / low;
   }

@@ -214,7 +214,7 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
   const double pull = span->elastic + span->damped;
   const double fills = f->dy->m[slot] / m, fills_by = (by->fills - fills * by->m) / m;
   const double v[2] = {f->dy->v[slot], f->dy->v[after]};
-  double dp[BD_ALE_MODES], first = 0.0, added = 0.0, lateral = 0.0;
+  double dp[BD_ALE_MODES], first = 0.0, added = 0.0, lateral = 0.0, draws = 0.0;
   for (int n = 0; n < K; ++n) {
     double ga_by = 0.0, gda_by = 0.0;
     for (int r = 1 - n % 2; r < K; r += 2) {
@@ -239,6 +239,7 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
             2.0 * per_S * ((span->moment[n] - resists) * per_mp_by - resists_by * per_mp) +
             ale->odd[n] * 8.0 * ale->direction * span->turning * by->past -
             fills_by * (da + c * ga) - fills * (by->p[n] + by->past * ga + c * ga_by);
+    draws += bd_ale_draws(span, n) * by->p[n];
     first += dp[n] * ga + own * ga_by +
              2.0 * (by->past * kappa * da + c * kappa_by * da + c * kappa * by->p[n]);
     added += kappa_by * ab + kappa * by->a[n] - 2.0 * ga * ga_by;
@@ -246,7 +247,8 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
                c * c * (kappa_by * ab + kappa * by->a[n]);
     dp[n] -= span->quickens * ga_by;
   }
-  first = 0.5 * density * m * first + span->first * by->m / m;
+  first = 0.5 * density * m * first + span->first * by->m / m +
+          span->carried * span->per_path * (draws - span->stretch * by->fills);
   added = 0.25 * (0.5 * density * m * added + span->added * by->m / m);
   lateral = 0.25 / per_mp * lateral - span->lateral * by->stretch / span->stretch;
   const double mu = density * by->m / 6.0;
@@ -407,7 +409,7 @@ static void push_by_span(const filling *f, int i, place column, const span_move 
   for (int end = 0; end < 2; ++end) {
     double gives = ale->left_over[end] * rates[0] + ale->left_over[1 + end] * rates[1];
     for (int n = 0; n < BD_ALE_MODES; ++n) {
-      gives += 0.5 * ale->parts[end][n] * span->dp[n];
+      gives += 0.5 * ale->parts[end][n] * span->forced[n];
     }
     const double sign = end == 0 ? 1.0 : -1.0;
     const double push = ale->density * by->m * gives + sign * (swings - lift - sided);
@@ -426,6 +428,11 @@ static void add_shear(const filling *f, int i, int end, double *row, double by) 
   for (int c = 0; c < BD_ALE_OF_SPAN; ++c) {
     row[c] += by * newton->shear_row[2 * i + end][c];
   }
+}
+
+/* By a column of a span's rates, that of a mode without what c' does. */
+static double forced_by(const bd_ale_span *span, int n, const double *rates) {
+  return rates[3 + BD_ALE_MODES + n] + 0.5 * span->ga[n] * (rates[1] + rates[2]);
 }
 
 /* What rates of a span's modes do to the axes at its ends, by all that they depend on. */
@@ -447,17 +454,17 @@ static void push_by_modes(const filling *f, int i) {
       for (int p = 0; p < 3; ++p) {
         for (int c = 0; c < ring->blocks[near[p]].n; ++c) {
           *beside(f, f->newton->push, j, (place){near[p], c}) +=
-              share * parts[p][c * block->lead + 3 + K + n];
+              share * forced_by(span, n, parts[p] + c * block->lead);
         }
       }
       for (int e = 0; e < 2; ++e) {
         const double by =
-            f->newton->shear_column[(2 * i + e) * ring->unknowns + block->at + 3 + K + n];
+            forced_by(span, n, f->newton->shear_column + (2 * i + e) * ring->unknowns + block->at);
         add_shear(f, i, e, f->newton->push + j * ring->unknowns, share * by);
       }
       for (int rim = 0; rim < ale->np; ++rim) {
         f->newton->push_by_rim[j * ale->np + rim] +=
-            share * f->newton->column[rim * ring->unknowns + block->at + 3 + K + n];
+            share * forced_by(span, n, f->newton->column + rim * ring->unknowns + block->at);
       }
     }
   }

@@ -47,8 +47,9 @@ typedef struct bd_ale_arc {
   double radius, line_radius, raised; /* R; R_g; depth of a compensated contact */
   double damping, axial_part; /* along its cells, with what contact dampers give; not theirs */
   bd_ale_axis axis;
-  double wrap, cell_angle,
-      half_turn; /* of t in a cell, as it turns from end to end; -s tan of half */
+  double moment; /* what lifts the line off the pulley, times the force along it */
+  /* of t in a cell, as it turns from end to end; its rate; -s tan of half */
+  double wrap, cell_angle, cell_turning, half_turn;
   double torque, contact_loss, slip_loss; /* on the pulley; powers */
   /* On the axis, but for what its own acceleration adds; the belt's inertia along the lever. */
   double force[2], inertia;
@@ -59,6 +60,7 @@ typedef struct bd_ale_span {
   /* constant */
   double curvature[2]; /* s / R of both pulleys */
   double tilt;         /* o H: by how much their offsets of the line differ, times H */
+  double raised;       /* the same of the offsets that geometry has */
   /* EI as the modes have it, whose waves end clamped in the wraps; by how much bending there
    * drives them more than moments at their ends would */
   double stiff[BD_ALE_MODES], driven[BD_ALE_MODES];
@@ -70,7 +72,7 @@ typedef struct bd_ale_span {
   /* geometry */
   double placed[2][4]; /* for centers and speeds of both axes; whether those were others before */
   int is_new;
-  double length, e[2], n[2], turning;
+  double length, e[2], n[2], turning, length_rate;
   double wave[BD_ALE_MODES], moment[BD_ALE_MODES], offset[BD_ALE_MODES], moved[BD_ALE_MODES];
   double sag; /* g.n */
   /* tension: flow past the mesh, force, H, stretch, what modes have of it, X + E, and 1 / (dT of
@@ -78,13 +80,15 @@ typedef struct bd_ale_span {
   double past, elastic, pressing, stretch, bent, path, per_slope, by_pressing, drawn, damped;
   double rest[BD_ALE_MODES]; /* A_n */
   double lifted[2];          /* by waves, the angle at both ends */
-  /* momentum: a', G a, G a', a + b, p~', and sums of theirs; c' */
+  /* momentum: a', G a, G a', a + b, p~', without what m' and c' do, and sums of theirs; c' */
   double da[BD_ALE_MODES], ga[BD_ALE_MODES], gda[BD_ALE_MODES], ab[BD_ALE_MODES], dp[BD_ALE_MODES];
+  double forced[BD_ALE_MODES];
   /* What dampers of bending and contact take at both ends; over the speed, of both and of bending
    */
   double losing[2], per_losing[2], per_bending[2];
   double lateral, first, added, quickens, matrix[3];
-  double coupling; /* inertia by which mounts at both ends feel each other */
+  double carried, per_path; /* rhoA c / lambda; path by what draws the span out */
+  double coupling;          /* inertia by which mounts at both ends feel each other */
 } bd_ale_span;
 
 /* A block of numbers by slot each. Fixed: of nodes the fraction of the wrap, 1 in cells of arcs,
@@ -92,13 +96,14 @@ typedef struct bd_ale_span {
  * wrap, s R / e of that, these ends as fractions of it (0 and 1 if nothing does), 1 if something
  * lies there, else 0. Of nodes: t, Omega, V.n; w, c;
  * J, 1 / lambda; what moves them. Of cells: d, lambda, T without damping and with it, H, energy of
- * bending per metre, the shear by which the end of the wrap loads it. Of both ends of cells
- * friction, and F (u' - u) along t and n. */
+ * bending less that of contact per metre, the shear by which the end of the wrap loads it. Of both
+ * ends of cells friction, F (u' - u) along t and n, what both lose as the path between them grows
+ * longer, and for that by their rates; after a rate the part of that. */
 #define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(end_a) X(end_b) X(roll) X(cut_a) X(cut_b) X(lies)
 #define BD_ALE_AT_NODES(X) X(tx) X(ty) X(turn) X(across) X(slid) X(past)
 #define BD_ALE_THROUGH_NODES(X) X(flow) X(per_stretch) X(total)
 #define BD_ALE_OF_CELLS(X) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent) X(shear)
-#define BD_ALE_AT_ENDS(X) X(force_a) X(force_b) X(carried_t) X(carried_n)
+#define BD_ALE_AT_ENDS(X) X(force_a) X(force_b) X(carried_t) X(carried_n) X(slows) X(lags)
 #define BD_ALE_SLOTS(X)                                                                            \
   BD_ALE_FIXED(X)                                                                                  \
   BD_ALE_AT_NODES(X) BD_ALE_THROUGH_NODES(X) BD_ALE_OF_CELLS(X) BD_ALE_AT_ENDS(X)
@@ -205,6 +210,12 @@ static inline double bd_ale_cubic(const double *value, const double *slope, doub
                c = slope[i] + slope[i + 1] - 2.0 * rise;
   *by = slope[i] + s * (2.0 * b + 3.0 * s * c);
   return value[i] + s * (slope[i] + s * (b + s * c));
+}
+
+/* What the contact of a cell stores per metre of stress-free belt. */
+static inline double bd_ale_pressed(const bd_ale *ale, double depth) {
+  const double sunk = bd_at_least(depth, 0.0);
+  return ale->quadratic * sunk * sunk * sunk / 3.0 + 0.5 * ale->linear * depth * depth;
 }
 
 /* By how much a mode draws its span out. */

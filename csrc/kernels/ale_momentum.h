@@ -28,6 +28,31 @@ INLINE void lose_at_ends(bd_ale *ale, int i) {
   }
 }
 
+/* What runs along a path that grows longer is slower: of the part of a span's that its nodes and
+ * waves do not make, and of waves as the span grows longer; into what belongs to c'. */
+INLINE void lengthen(bd_ale *ale, bd_ale_span *span, double m, double fills, double apart) {
+  const double EA = ale->axial, c = span->past, S = span->length, by_H = span->by_pressing;
+  const double carried = ale->density * c / span->stretch;
+  const double by_T = 1.0 + carried * c / (span->stretch * EA), rate = span->length_rate;
+  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
+  const double o = span->tilt / H, o_0 = span->tilt / ale->rest;
+  double by_S = 0.5 * (o * o - o_0 * o_0) / S, waves = 0.0;
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
+    const double k2 = span->wave[n] * span->wave[n], bends = span->stiff[n] * k2;
+    const double a = span->rest[n], ab = span->ab[n];
+    by_S += 0.25 * S * k2 * a * a * (1.0 - 4.0 * bends / (H + bends));
+    waves += (span->da[n] + span->moved[n]) * span->ga[n] + 2.0 * c * k2 * ab * ab;
+  }
+  by_S /= S;
+  const double draws = span->drawn - apart + rate * (1.0 + by_S - span->bent / S);
+  span->carried = carried;
+  span->per_path = by_H * by_T * span->per_slope;
+  const double grows = span->per_path * (draws - span->stretch * fills) + by_S * rate -
+                       ale->direction * span->turning * span->raised;
+  span->first += carried * grows - 0.5 * ale->density * m * rate / S * waves;
+  span->added -= 2.0 * carried * carried * by_H * (1.0 + by_H * by_T * span->per_slope);
+}
+
 INLINE void swing(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
@@ -51,20 +76,23 @@ INLINE void swing(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, in
     const double ga = span->ga[n], kappa = k2 * ab;
     const double resists =
         span->losing[0] * bd_ale_rolls(span, 0, n) + span->losing[1] * bd_ale_rolls(span, 1, n);
-    const double dp = span->dp[n] =
+    const double forced = span->forced[n] =
         -2.0 * c * span->gda[n] - (pull * per_mp - c * c) * kappa -
         per_mp * k2 * k2 * (span->stiff[n] * ab + ale->bending_damping * da) +
         2.0 * per_mp * per_S * (span->moment[n] - resists) +
-        ale->odd[n] * (4.0 * span->sag + 8.0 * ale->direction * span->turning * c) -
-        fills * (da + c * ga);
+        ale->odd[n] * (4.0 * span->sag + 8.0 * ale->direction * span->turning * c);
+    const double dp = span->dp[n] = forced - fills * (da + c * ga);
     dy->a[i * K + n] = da;
-    first += dp * ga + 2.0 * c * kappa * da;
+    first += dp * ga + span->moved[n] * span->gda[n] + 2.0 * c * kappa * da;
     added += kappa * ab - ga * ga;
     lateral += da * da - c * c * kappa * ab;
   }
+  const int after = ale->arcs[arc->next].begin;
+  const double apart = y->v[after] - y->v[k], across = ale->across[after] - ale->across[k];
   span->first = 0.5 * ale->density * m * first;
   span->added = 0.5 * ale->density * m * added;
-  span->lateral = 0.25 / per_mp * lateral;
+  span->lateral = 0.25 / per_mp * lateral + ale->density / 12.0 * (apart * apart + across * across);
+  lengthen(ale, span, m, dy->m[k], apart);
 }
 
 /* --- momentum along the belt ----------------------------------------------------------------- */
@@ -81,7 +109,8 @@ INLINE void pull_nodes(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *d
     const vec bends =
         (load(ale->bent + k) - load_unaligned(ale->bent + k - 1)) * load(ale->per_stretch + k);
     const vec pulls = load(ale->tension + k) - load_unaligned(ale->tension + k - 1) + bends;
-    const vec rubs = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1);
+    const vec rubs = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1) +
+                     load(ale->slows + k) + load_unaligned(ale->slows + k - 1);
     const vec carried = load(ale->carried_t + k) + load_unaligned(ale->carried_t + k - 1);
     const vec tx = load(ale->tx + k), ty = load(ale->ty + k);
     const vec weighs = fma_(gx, tx, gy * ty) - D * load(ale->turn + k) * load(ale->across + k);
@@ -93,19 +122,34 @@ INLINE void pull_nodes(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *d
 }
 
 /* F (u' - u) of all cells: on an arc w' - w along t and, as t turns between, tan of half that angle
- * times w + w' along n, by which momentum, energy and torque are kept. */
+ * times w + w' along n, by which momentum, energy and torque are kept. And what both nodes of a
+ * cell lose as it grows longer between them: as more belt comes in, for less is stretched and
+ * deep, and as the wrap does; as it is thrown out faster, by their own rates. */
 INLINE void carry_speed(bd_ale *ale, const bd_ale_state *y, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   const int last = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
   const vec quarter = splat(0.25 * ale->density), turned = splat(arc->half_turn);
+  const vec none = splat(0.0), half = splat(0.5), one = splat(1.0), R = splat(arc->radius);
+  const vec r0 = splat(arc->radius + arc->raised), EA = splat(ale->axial), c2 = splat(ale->linear);
+  const vec c1 = splat(2.0 * ale->quadratic), density = splat(ale->density);
+  const vec angle = splat(arc->cell_angle), turning = splat(arc->cell_turning);
   for (int k = arc->begin; k < last; k += WIDTH) {
     const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
-    const vec through = quarter * (load(ale->past + k) + load_unaligned(ale->past + k + 1)) /
-                        load(ale->stretch + k);
+    const vec flow = load(ale->flow + k), leaves = load_unaligned(ale->flow + k + 1);
+    const vec through = quarter * (flow + leaves);
     store(ale->carried_t + k, through * (there - here));
     store(ale->carried_n + k, through * turned * (here + there));
+    const vec w = half * (here + there), d = load(ale->sink + k), rho = r0 - d, per = one / rho;
+    const vec per_m = one / load(y->m + k), q = angle * per_m, thrown = density * w * per;
+    const vec stiff = fma_(EA * q, q, fma_(c1, larger(d, none), fma_(thrown * w, per, c2)));
+    const vec per_stiff = one / stiff, by_q = EA * fma_(rho + rho, q, -one) * per_stiff;
+    const vec sinks = by_q * per_m * (turning - q * (flow - leaves));
+    const vec carried = half * density * w / load(ale->stretch + k);
+    store(ale->slows + k, carried * fnma_(sinks, angle, (rho - R) * turning));
+    store(ale->lags + k, carried * thrown * per_stiff * angle);
   }
-  const double through = 0.5 * ale->density * ale->spans[j].past / ale->stretch[last];
+  const double through = 0.25 * ale->density * (ale->flow[last] + ale->flow[after]);
+  ale->slows[last] = ale->lags[last] = 0.0;
   ale->carried_t[last] = through * (y->v[after] - y->v[last]);
   ale->carried_n[last] = through * (ale->across[after] - ale->across[last]);
 }
@@ -117,10 +161,13 @@ INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = BD_ALE_MODES;
   const double density = ale->density, m = y->m[k], mu = density * m / 6.0;
   const double quarter = 0.25 * span->added, half = 0.5 * span->first;
-  const double f_0 = ale->total[k] + span->lateral - half - span->losing[0];
-  const double f_1 = ale->total[after] - span->lateral - half - span->losing[1];
-  const double k_00 = 0.5 * density * (m + y->m[k - 1]) - mu + quarter;
-  const double k_11 = 0.5 * density * (m + y->m[after]) - mu + quarter;
+  const double lags[2] = {ale->lags[k - 1], ale->lags[after]};
+  const double f_0 =
+      ale->total[k] + span->lateral - half - span->losing[0] - lags[0] * dy->v[k - 1];
+  const double f_1 =
+      ale->total[after] - span->lateral - half - span->losing[1] - lags[1] * dy->v[after + 1];
+  const double k_00 = 0.5 * density * (m + y->m[k - 1]) - mu + quarter + lags[0];
+  const double k_11 = 0.5 * density * (m + y->m[after]) - mu + quarter + lags[1];
   const double k_01 = mu + quarter, per = 1.0 / (k_00 * k_11 - k_01 * k_01);
   span->matrix[0] = k_11 * per; /* its inverse */
   span->matrix[1] = -k_01 * per;
@@ -131,6 +178,24 @@ INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy
   for (int n = 0; n < K; ++n) {
     span->dp[n] -= span->quickens * span->ga[n];
     dy->p[i * K + n] = span->dp[n];
+  }
+}
+
+/* Nodes between an arc's cells: what these lose by their rates, 1e-5 of what moves them. */
+INLINE void lag_nodes(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int j) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const vec none = splat(0.0), half_density = splat(0.5 * ale->density);
+  const int last = arc->begin + arc->n;
+  for (int k = arc->begin; k < last; k += WIDTH) {
+    const vec lags = load(ale->lags + k) * (load(dy->v + k) + load_unaligned(dy->v + k + 1));
+    store(ale->lags + k, lags);
+    store(ale->slows + k, load(ale->slows + k) + lags);
+  }
+  for (int k = arc->begin; k < last; k += WIDTH) {
+    const vec m = load(y->m + k), behind = load_unaligned(y->m + k - 1);
+    const mask inner = less(none, load(ale->is_cell + k) * load_unaligned(ale->is_cell + k - 1));
+    const vec lags = load(ale->lags + k) + load_unaligned(ale->lags + k - 1);
+    store(dy->v + k, load(dy->v + k) - where(inner, lags / (half_density * (m + behind))));
   }
 }
 
@@ -159,7 +224,8 @@ INLINE void push_axis(bd_ale *ale, const bd_ale_state *y, int j) {
         (load(ale->bent + k) - load_unaligned(ale->bent + k - 1)) * load(ale->per_stretch + k);
     /* T (t' - t) of the cells, summed by nodes */
     const vec pulls = behind * load_unaligned(ale->tension + k - 1) - here * load(ale->tension + k);
-    const vec rubs = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1);
+    const vec rubs = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1) +
+                     load(ale->slows + k) + load_unaligned(ale->slows + k - 1);
     const vec along = pulls - bends + rubs;
     const vec lever = splat(axis->lever[0]) * nx + splat(axis->lever[1]) * ny;
     x = x + where(node, along * tx - bears * nx);
@@ -171,16 +237,34 @@ INLINE void push_axis(bd_ale *ale, const bd_ale_state *y, int j) {
   arc->inertia = sum(inertia);
 }
 
+/* What waves pull along their span, which is longer by them, for its own length. */
+INLINE double shorten(const bd_ale *ale, const bd_ale_span *span, double m) {
+  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest), S = span->length;
+  const double off = 1.0 - H / ale->rest, c = span->past;
+  double pulls = (span->elastic + span->damped) * span->bent, momentum = 0.0;
+  pulls += span->tilt * span->tilt / H * off * off / (2.0 * S);
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
+    const double k2 = span->wave[n] * span->wave[n], bends = span->stiff[n] * k2 * k2;
+    const double a = span->rest[n], ab = span->ab[n];
+    pulls += 0.25 * S * ((H * k2 - bends) * a * a + 3.0 * bends * ab * ab) - span->moment[n] * ab;
+    momentum += (span->da[n] + span->moved[n]) * span->ga[n] + c * k2 * ab * ab;
+  }
+  return (pulls - 0.5 * ale->density * m * c * momentum) / S;
+}
+
 /* Of a span: what its modes do not carry of the consistent mass, and they themselves; and the lift
  * of its line, which follows H. */
 INLINE void push_ends(bd_ale *ale, const bd_ale_state *y, int i) {
   bd_ale_span *span = &ale->spans[i];
   bd_ale_arc *arcs[2] = {&ale->arcs[i], &ale->arcs[ale->arcs[i].next]};
-  const double mass = ale->density * y->m[arcs[0]->begin + arcs[0]->n];
+  const double m = y->m[arcs[0]->begin + arcs[0]->n], mass = ale->density * m;
+  const double reaction = 0.5 * (span->first + span->added * span->quickens);
+  const double takes[2] = {span->losing[0] + reaction, span->losing[1] + reaction};
+  const double pulls = shorten(ale, span, m);
   const double lift = (span->pressing / ale->rest - 1.0) * span->tilt / span->length;
-  const double sided = (arcs[0]->side * arcs[0]->radius * span->losing[0] +
-                        arcs[1]->side * arcs[1]->radius * span->losing[1]) /
-                       span->length;
+  const double sided =
+      (arcs[0]->side * arcs[0]->radius * takes[0] + arcs[1]->side * arcs[1]->radius * takes[1]) /
+      span->length;
   double rates[2], gives[2], levers[2], swings = 0.0;
   for (int end = 0; end < 2; ++end) {
     const bd_ale_axis *axis = &arcs[end]->axis;
@@ -193,16 +277,17 @@ INLINE void push_ends(bd_ale *ale, const bd_ale_state *y, int i) {
     gives[end] = ale->left_over[end] * rates[0] + ale->left_over[1 + end] * rates[1];
   }
   for (int n = 0; n < BD_ALE_MODES; ++n) {
-    gives[0] += 0.5 * ale->parts[0][n] * span->dp[n];
-    gives[1] += 0.5 * ale->parts[1][n] * span->dp[n];
+    gives[0] += 0.5 * ale->parts[0][n] * span->forced[n];
+    gives[1] += 0.5 * ale->parts[1][n] * span->forced[n];
     swings += ale->odd[n] * span->da[n];
   }
   swings *= 4.0 * ale->density / span->stretch * span->past;
   for (int end = 0; end < 2; ++end) {
     const double sign = end == 0 ? 1.0 : -1.0;
     const double push = mass * gives[end] + sign * (swings - lift - sided);
-    arcs[end]->force[0] += span->losing[end] * span->e[0] - push * span->n[0];
-    arcs[end]->force[1] += span->losing[end] * span->e[1] - push * span->n[1];
+    const double along = takes[end] - sign * pulls;
+    arcs[end]->force[0] += along * span->e[0] - push * span->n[0];
+    arcs[end]->force[1] += along * span->e[1] - push * span->n[1];
     arcs[end]->inertia += mass * ale->left_over[2 * end] * levers[end] * levers[end];
   }
   span->coupling = mass * ale->left_over[1] * levers[0] * levers[1];
@@ -217,6 +302,7 @@ static void move(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy) {
   }
   close_cells(ale, ale->carried_t);
   close_cells(ale, ale->carried_n);
+  close_cells(ale, ale->slows);
   for (int j = 0; j < ale->np; ++j) {
     pull_nodes(ale, y, dy, j);
   }
@@ -225,6 +311,10 @@ static void move(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy) {
     swing(ale, y, dy, i);
     pull_ends(ale, y, dy, i);
   }
+  for (int j = 0; j < ale->np; ++j) {
+    lag_nodes(ale, y, dy, j);
+  }
+  close_cells(ale, ale->slows);
   for (int j = 0; ale->moving && j < ale->np; ++j) {
     push_axis(ale, y, j);
   }

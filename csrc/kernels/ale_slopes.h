@@ -82,7 +82,10 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
         [BD_ALE_RIM] = none,
         [BD_ALE_SHEAR] = none,
     };
-    const vec bent = two * load(ale->bent + k) * per_m;
+    const vec pressed = fma_(splat(ale->quadratic) * d, larger(d, none), splat(ale->linear) * d);
+    const vec bent = fma_(splat(ale->bending) * q * q, per_m, pressed * sink);
+    /* what both nodes lose as more belt comes in */
+    const vec lost = half * thrown * angle * sink;
     /* friction of both places, of which a part acts on the node behind */
     const vec before = load(ale->force_a + k), after = load(ale->force_b + k);
     vec torque[BD_ALE_BYS] = {none, none, none, none, none};
@@ -119,7 +122,9 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
       const vec total[BD_ALE_BYS] = {
           fma_(sign, fnma_(bent, at_node, pull), through * apart * per * stretch) -
               half * bends * at_node * stretch + half * density * by_mass(ale, dy, k + end),
-          through - lags - sign * damped, sign * damped - lags - through, none, none};
+          fma_(lost, load_unaligned(ale->per_stretch + k), through - lags - sign * damped),
+          fnma_(lost, load_unaligned(ale->per_stretch + k + 1), sign * damped - lags - through),
+          none, none};
       for (int u = 0; u < BD_ALE_BYS; ++u) {
         store(out->total[end][u] + k, total[u] - rubs_on[end][u]);
       }

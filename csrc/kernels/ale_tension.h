@@ -32,6 +32,7 @@ INLINE void place_span(bd_ale *ale, int i) {
   span->n[0] = D * span->e[1];
   span->n[1] = -D * span->e[0];
   span->turning = -D * (vx * span->n[0] + vy * span->n[1]) / length;
+  span->length_rate = vx * span->e[0] + vy * span->e[1] - b * span->turning * D;
   span->sag = ale->gravity[0] * span->n[0] + ale->gravity[1] * span->n[1];
   const double first = from->axis.v[0] * span->n[0] + from->axis.v[1] * span->n[1];
   const double last = to->axis.v[0] * span->n[0] + to->axis.v[1] * span->n[1];
@@ -54,6 +55,7 @@ INLINE void place_arc(bd_ale *ale, int j) {
   const double angle = atan2(arc->sense * across, in->e[0] * out->e[0] + in->e[1] * out->e[1]);
   arc->wrap = angle < 0.0 ? angle + 2.0 * BD_PI : angle;
   arc->cell_angle = arc->wrap / arc->n;
+  arc->cell_turning = arc->sense * (out->turning - in->turning) / arc->n;
   const double co = cos(arc->cell_angle), si = arc->sense * sin(arc->cell_angle);
   double x[WIDTH], y[WIDTH], far_co = 1.0, far_si = 0.0;
   arc->half_turn = -arc->side * tan(0.5 * arc->cell_angle);
@@ -160,7 +162,9 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
     const vec ty = load(ale->ty + k) + load_unaligned(ale->ty + k + 1);
     const vec lifts = load(y->m + k) * fnma_(gy, tx, gx * ty);
     store(ale->pressing + k, tension - momentum / stretch - lifts);
-    store(ale->bent + k, load(ale->is_cell + k) * bending * q * q);
+    const vec into = larger(d, none),
+              pressed = fma_(c1 * into * splat(1.0 / 3.0) * into, into, half * c2 * d * d);
+    store(ale->bent + k, load(ale->is_cell + k) * fma_(bending * q, q, -pressed));
   }
 }
 
