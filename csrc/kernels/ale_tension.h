@@ -295,9 +295,12 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
  * lacks stands further in, as what a beam does that is bent from 1 / R to none. */
 typedef struct wrap_end {
   double touch, p, q, over; /* of exp(-p x) (cos, sin)(q x); what goes with the sine */
+  double x, co, si;         /* the last of these, */
+  double apart, by[2];      /* and what leads from it to the end of the next cell, so far on */
 } wrap_end;
 
-INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int span, double most) {
+INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int span, double most,
+                       double apart) {
   const double H = bd_at_least(ale->spans[span].pressing, BD_ALE_LEAST * ale->rest);
   const double EI = ale->bending, c1 = ale->quadratic, c2 = ale->linear;
   const double stiff = 0.5 * (c2 + sqrt(c2 * c2 + 4.0 * c1 * H / arc->radius)); /* N / d */
@@ -305,15 +308,33 @@ INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int span, doubl
   wrap_end end = {.p = sqrt(square + along), .q = sqrt(bd_at_least(square - along, 1e-6 * square))};
   end.touch = bd_at_most(sqrt(EI / H) - end.p / square, most);
   end.over = (1.0 + end.p * end.touch) / end.q;
+  end.x = (double)NAN;
+  end.apart = apart;
+  end.by[0] = exp(-end.p * apart) * cos(end.q * apart);
+  end.by[1] = exp(-end.p * apart) * sin(end.q * apart);
   return end;
+}
+
+INLINE void fade_to(wrap_end *end, double x) {
+  if (fabs(x - end->x - end->apart) < 1e-9 * fabs(end->apart)) {
+    const double co = end->co;
+    end->co = co * end->by[0] - end->si * end->by[1];
+    end->si = co * end->by[1] + end->si * end->by[0];
+  } else if (x != end->x) {
+    const double fades = exp(-end->p * x);
+    end->co = fades * cos(end->q * x);
+    end->si = fades * sin(end->q * x);
+  }
+  end->x = x;
 }
 
 /* What is carried more than H / R from x behind the touching point on, less, over that; and its
  * integral, both 0 far from there. Added to those of the other end. */
-INLINE void carry_end(const wrap_end *end, double x, double sign, double *carried, double *sum) {
+INLINE void carry_end(wrap_end *end, double x, double sign, double *carried, double *sum) {
   const double e = end->touch, p = end->p, q = end->q, B = end->over;
   if (p * x < 50.0) {
-    const double fades = exp(-p * x), co = fades * cos(q * x), si = fades * sin(q * x);
+    fade_to(end, x);
+    const double co = end->co, si = end->si;
     *carried -= sign * (e * co + B * si);
     *sum += (e * (p * co - q * si) + B * (p * si + q * co)) / (p * p + q * q);
   }
@@ -324,7 +345,7 @@ typedef struct cell_end {
   double s, carried, sum;
 } cell_end;
 
-INLINE cell_end cell_end_at(const wrap_end ends[2], double whole, double s) {
+INLINE cell_end cell_end_at(wrap_end ends[2], double whole, double s) {
   const double begin = ends[0].touch, until = whole - ends[1].touch;
   cell_end at = {.s = bd_at_most(bd_at_least(s, begin), until)};
   carry_end(&ends[0], at.s - begin, 1.0, &at.carried, &at.sum);
@@ -374,9 +395,10 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   static const double LEAST = 0.02; /* of a cell that counts */
   const double whole = arc->radius * arc->wrap, length = whole / arc->n;
-  const wrap_end ends[2] = {end_of(ale, arc, arc->before, 0.45 * whole),
-                            end_of(ale, arc, j, 0.45 * whole)};
   const int back = ale->past[arc->begin] < 0.0;
+  const double apart = back ? -length : length;
+  wrap_end ends[2] = {end_of(ale, arc, arc->before, 0.45 * whole, apart),
+                      end_of(ale, arc, j, 0.45 * whole, -apart)};
   cell_end next = cell_end_at(ends, whole, back ? whole : 0.0);
   for (int n = 0; n < arc->n; ++n) {
     const int k = back ? arc->n - 1 - n : n, slot = arc->begin + k;
