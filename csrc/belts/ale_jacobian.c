@@ -203,17 +203,45 @@ typedef struct span_move {
   double m, past, pull, stretch, fills, total[2], losing[2], a[BD_ALE_MODES], p[BD_ALE_MODES];
 } span_move;
 
-static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
+/* What all answers of a span have in common; of modes k^2 (a + b), p~' without c', what bending of
+ * waves and its damper pull, what bends and dampers at both ends do, by what these. */
+typedef struct span_at {
+  double m, per_mp, pull, fills, v[2], k2[BD_ALE_MODES], kappa[BD_ALE_MODES], own[BD_ALE_MODES];
+  double bends[BD_ALE_MODES], driven[BD_ALE_MODES], rolls[2][BD_ALE_MODES];
+} span_at;
+
+static span_at at_span(const filling *f, int i) {
   const bd_ale *ale = f->ale;
   const bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
-  const int slot = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = BD_ALE_MODES;
-  const double m = f->y->m[slot], per_S = 1.0 / span->length, c = span->past;
-  const double density = ale->density, per_mp = span->stretch / density,
-               per_mp_by = by->stretch / density;
-  const double pull = span->elastic + span->damped;
-  const double fills = f->dy->m[slot] / m, fills_by = (by->fills - fills * by->m) / m;
-  const double v[2] = {f->dy->v[slot], f->dy->v[after]};
+  const int slot = arc->begin + arc->n;
+  span_at at = {.m = f->y->m[slot],
+                .per_mp = span->stretch / ale->density,
+                .pull = span->elastic + span->damped,
+                .fills = f->dy->m[slot] / f->y->m[slot],
+                .v = {f->dy->v[slot], f->dy->v[ale->arcs[arc->next].begin]}};
+  for (int n = 0; n < BD_ALE_MODES; ++n) {
+    at.k2[n] = span->wave[n] * span->wave[n];
+    at.kappa[n] = at.k2[n] * span->ab[n];
+    at.own[n] = span->dp[n] + span->quickens * span->ga[n];
+    at.bends[n] = span->stiff[n] * span->ab[n] + ale->bending_damping * span->da[n];
+    at.rolls[0][n] = bd_ale_rolls(span, 0, n);
+    at.rolls[1][n] = bd_ale_rolls(span, 1, n);
+    at.driven[n] =
+        span->moment[n] - (span->losing[0] * at.rolls[0][n] + span->losing[1] * at.rolls[1][n]);
+  }
+  return at;
+}
+
+static bd_ale_answer answer_of(const filling *f, int i, const span_at *at, const span_move *by) {
+  const bd_ale *ale = f->ale;
+  const bd_ale_span *span = &ale->spans[i];
+  const int K = BD_ALE_MODES;
+  const double m = at->m, per_S = 1.0 / span->length, c = span->past, density = ale->density;
+  const double per_mp = at->per_mp, per_mp_by = by->stretch / density, *v = at->v;
+  const double fills_by = (by->fills - at->fills * by->m) / m;
+  const double lifts = at->pull * per_mp - c * c;
+  const double lifts_by = by->pull * per_mp + at->pull * per_mp_by - 2.0 * c * by->past;
   double dp[BD_ALE_MODES], first = 0.0, added = 0.0, lateral = 0.0, draws = 0.0;
   for (int n = 0; n < K; ++n) {
     double ga_by = 0.0, gda_by = 0.0;
@@ -223,24 +251,17 @@ static bd_ale_answer answer_of(const filling *f, int i, const span_move *by) {
     }
     ga_by *= per_S;
     gda_by *= per_S;
-    const double k2 = span->wave[n] * span->wave[n], k4 = k2 * k2, ab = span->ab[n];
-    const double da = span->da[n], ga = span->ga[n], kappa = k2 * ab, kappa_by = k2 * by->a[n];
-    const double own = span->dp[n] + span->quickens * ga; /* without c' */
-    const double bends = span->stiff[n] * ab + ale->bending_damping * da;
+    const double k2 = at->k2[n], ab = span->ab[n], da = span->da[n], ga = span->ga[n];
+    const double kappa = at->kappa[n], kappa_by = k2 * by->a[n];
     const double bends_by = span->stiff[n] * by->a[n] + ale->bending_damping * by->p[n];
-    double resists = 0.0, resists_by = 0.0;
-    for (int end = 0; end < 2; ++end) {
-      resists += span->losing[end] * bd_ale_rolls(span, end, n);
-      resists_by += by->losing[end] * bd_ale_rolls(span, end, n);
-    }
-    dp[n] = -2.0 * (by->past * span->gda[n] + c * gda_by) -
-            (by->pull * per_mp + pull * per_mp_by - 2.0 * c * by->past) * kappa -
-            (pull * per_mp - c * c) * kappa_by - k4 * (per_mp_by * bends + per_mp * bends_by) +
-            2.0 * per_S * ((span->moment[n] - resists) * per_mp_by - resists_by * per_mp) +
+    const double resists_by = by->losing[0] * at->rolls[0][n] + by->losing[1] * at->rolls[1][n];
+    dp[n] = -2.0 * (by->past * span->gda[n] + c * gda_by) - lifts_by * kappa - lifts * kappa_by -
+            k2 * k2 * (per_mp_by * at->bends[n] + per_mp * bends_by) +
+            2.0 * per_S * (at->driven[n] * per_mp_by - resists_by * per_mp) +
             ale->odd[n] * 8.0 * ale->direction * span->turning * by->past -
-            fills_by * (da + c * ga) - fills * (by->p[n] + by->past * ga + c * ga_by);
+            fills_by * (da + c * ga) - at->fills * (by->p[n] + by->past * ga + c * ga_by);
     draws += bd_ale_draws(span, n) * by->p[n];
-    first += dp[n] * ga + own * ga_by +
+    first += dp[n] * ga + at->own[n] * ga_by +
              2.0 * (by->past * kappa * da + c * kappa_by * da + c * kappa * by->p[n]);
     added += kappa_by * ab + kappa * by->a[n] - 2.0 * ga * ga_by;
     lateral += 2.0 * da * by->p[n] - 2.0 * c * by->past * kappa * ab -
@@ -480,9 +501,10 @@ static void prepare_span(const filling *f, int i) {
   };
   const bd_ale_arc *arc = &f->ale->arcs[i];
   const bd_ale_span *span = &f->ale->spans[i];
+  const span_at at = at_span(f, i);
   double *stretch = f->newton->slopes.stretch;
   for (int k = 0; k < BD_ALE_ANSWERS; ++k) {
-    f->newton->answers[i][k] = answer_of(f, i, &moves[k]);
+    f->newton->answers[i][k] = answer_of(f, i, &at, &moves[k]);
   }
   stretch[arc->begin + arc->n] = -span->stretch * span->per_slope / f->ale->axial;
   stretch[f->ale->arcs[arc->next].begin - 1] = stretch[arc->begin + arc->n];
@@ -515,6 +537,7 @@ static void fill_span(const filling *f, int i) {
   const double apart = f->y->v[after] - f->y->v[slot], half = 0.5 * ale->density;
   const double through = half * span->past / span->stretch;
   const int block = f->newton->cell_block[slot];
+  const span_at at = at_span(f, i);
   const double of_v[2] = {f->newton->slopes.total[1][BD_ALE_V_AFTER][slot - 1],
                           f->newton->slopes.total[0][BD_ALE_V][after]};
   for (int c = 0; c < 3 + 2 * K; ++c) {
@@ -560,7 +583,7 @@ static void fill_span(const filling *f, int i) {
       f->newton->shear_row[2 * i + end][c] = shear_by(ale, i, end, &by, pressing);
       by.fills += sign * per * (own - 0.5 * ale->flow[node] * by.stretch);
     }
-    const bd_ale_answer out = answer_of(f, i, &by);
+    const bd_ale_answer out = answer_of(f, i, &at, &by);
     to[0] = by.fills;
     memcpy(to + 1, out.v, sizeof out.v);
     memcpy(to + 3 + K, out.p, (size_t)K * sizeof *out.p);
