@@ -31,9 +31,9 @@ double bd_ale_push(const bd_plan *plan, const double *y, int j, double force[2])
 /* Of a cell of an arc both ends together, counter-clockwise. */
 static void rubbing(const bd_ale *ale, int j, int slot, double out[4]) {
   const bd_ale_arc *arc = &ale->arcs[j];
-  const double own = fmax(0.0, ale->pressing[slot]) * (ale->cut_b[slot] - ale->cut_a[slot]);
-  const double both = fmax(0.0, own + ale->shear[slot] * ale->end_a[slot]) +
-                      fmax(0.0, own + ale->shear[slot] * ale->end_b[slot]);
+  const double own = bd_at_least(ale->pressing[slot], 0.0) * (ale->cut_b[slot] - ale->cut_a[slot]);
+  const double both = bd_at_least(own + ale->shear[slot] * ale->end_a[slot], 0.0) +
+                      bd_at_least(own + ale->shear[slot] * ale->end_b[slot], 0.0);
   const double normal = 0.5 * ale->lies[slot] * arc->cell_angle * both;
   const double friction = arc->sense * (ale->force_a[slot] + ale->force_b[slot]);
   const double rho = arc->radius + arc->raised - ale->sink[slot];
@@ -111,7 +111,7 @@ static void middle_of(const bd_ale *ale, int j, int slot, double at[2]) {
   const double D = ale->direction, lift = arc->side * (arc->radius - ale->sink[slot] + arc->raised);
   if (slot < arc->begin + arc->n) {
     const double tx = ale->tx[slot] + ale->tx[slot + 1], ty = ale->ty[slot] + ale->ty[slot + 1];
-    const double per = lift / hypot(tx, ty);
+    const double per = lift / sqrt(tx * tx + ty * ty);
     at[0] = arc->axis.c[0] + D * ty * per;
     at[1] = arc->axis.c[1] - D * tx * per;
     return;

@@ -400,7 +400,7 @@ static int check_limits(const bd_plan *plan, double t, bd_error *err) {
     const bd_ale_span *span = &ale->spans[j];
     double least = (double)INFINITY, slope = 0.0;
     for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
-      least = fmin(least, ale->pressing[k]);
+      least = bd_at_most(ale->pressing[k], least);
     }
     for (int n = 0; n < BD_ALE_MODES; ++n) {
       slope += fabs(span->wave[n] * span->ab[n]);

@@ -487,19 +487,22 @@ static void solve(const bd_ale_ring *ring, double *x) {
   solve_ring(ring, x, 0);
 }
 
+/* A lane without a right-hand side has that of the last one. */
 static void solve_all(const bd_ale_ring *ring, int n, int width, double *x) {
   for (int first = 0; first < n; first += WIDTH) {
-    const int count = n - first < WIDTH ? n - first : WIDTH;
-    double *const columns = x + first * width;
+    double *columns[WIDTH];
+    for (int lane = 0; lane < WIDTH; ++lane) {
+      columns[lane] = x + (first + lane < n ? first + lane : n - 1) * width;
+    }
     for (int u = 0; u < ring->unknowns; ++u) {
       for (int lane = 0; lane < WIDTH; ++lane) {
-        ring->lanes[u * WIDTH + lane] = lane < count ? columns[lane * width + u] : 0.0;
+        ring->lanes[u * WIDTH + lane] = columns[lane][u];
       }
     }
     solve_ring(ring, ring->lanes, 1);
     for (int u = 0; u < ring->unknowns; ++u) {
-      for (int lane = 0; lane < count; ++lane) {
-        columns[lane * width + u] = ring->lanes[u * WIDTH + lane];
+      for (int lane = 0; lane < WIDTH; ++lane) {
+        columns[lane][u] = ring->lanes[u * WIDTH + lane];
       }
     }
   }
