@@ -268,7 +268,7 @@
 #define BD_ENERGY_TERMS(X)                                                                         \
   X(kinetic, STORED, "kinetic energy of links and pulleys")                                        \
   X(axial, STORED, "stored in the joints' stretch")                                                \
-  X(bending, STORED, "stored in the joints' bending")                                              \
+  X(bending, STORED, "stored in bending; of an ALE belt but for a constant")                       \
   X(contact, STORED, "stored in the contact")                                                      \
   X(gravity, STORED, "potential energy")                                                           \
   X(drive, SUPPLIED, "work done by the set torques since the start")                               \

@@ -77,8 +77,12 @@ def real_numbers(name: str, value: object, unit: str = "1") -> tuple[float, ...]
 def close_to(name: str, known: Iterable[str]) -> str:
     """Return " (did you mean ...?)" for a misspelt name, or ""."""
     by_lower = {one.lower(): one for one in known}
-    close = difflib.get_close_matches(name.lower(), by_lower, n=1)
-    return f" (did you mean {by_lower[close[0]]!r}?)" if close else ""
+
+    def likeness(one: str) -> float:
+        return difflib.SequenceMatcher(None, one, name.lower()).ratio()
+
+    best = max(by_lower, key=likeness, default="")  # the first of equals: a field that must be
+    return f" (did you mean {by_lower[best]!r}?)" if best and likeness(best) >= 0.6 else ""
 
 
 def unknown_field(name: str, known: Iterable[str]) -> str:
