@@ -406,6 +406,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"last": 0.0}, "last must be"),
     ({"scene": "no-such-scene"}, "no scene is called"),
     ({"scene": 3}, "scene must be"),
+    ({"store": 3}, "store must be a path or None, got int"),
     # as simulate says it of one run
     ({"rtol": "x"}, "rtol must be a real number, got 'x'"),
     ({"method": "euler"}, "method must be one of auto"),

@@ -8,13 +8,14 @@ is ever locked.
 from __future__ import annotations
 
 import hashlib
+import os
 import secrets
 import threading
 import time
 from collections.abc import Collection, Iterator
 from contextlib import closing
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..base import files, sqlite
 
@@ -60,10 +61,12 @@ class Store:
 
     Raises:
         OSError: It cannot be made or read.
-        ValueError: It holds something else.
+        TypeError, ValueError: It is no path; it holds something else.
     """
 
-    def __init__(self, path: Any) -> None:
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        if not isinstance(path, (str, os.PathLike)):
+            raise TypeError(f"store must be a path or None, got {type(path).__name__}")
         self._path = Path(path)
         if self._path.is_file():
             raise ValueError(f"store {self._path}: it is a file; a store is a folder of its own")
