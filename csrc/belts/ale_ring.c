@@ -68,6 +68,8 @@ static void carve_blocks(bd_carver *carver, bd_ale_ring *ring, const bd_ale_driv
         bd_ale_block *block = &ring->blocks[b];
         block->n = of;
         block->lead = fours(of);
+        block->usual[0] = b > 0 && of == 4 && before == 4;
+        block->usual[1] = b + 2 < n && of == 4 && after == 4;
         double **const parts[] = {&block->back,    &block->own,     &block->ahead, &block->inverse,
                                   &block->over[0], &block->over[1], &block->far};
         const int sizes[] = {before, of, after, of, before, after, last};

@@ -143,11 +143,12 @@ typedef struct bd_ale_slopes {
   double *rate[2][BD_ALE_BYS], *rate_z[2], *total_z[2];
 } bd_ale_slopes;
 
-/* A block of unknowns: of the Jacobian what couples it to the block behind, to itself, to the one
+/* A block of unknowns, whether it has four and those behind and ahead have: of the Jacobian what couples it to the block behind, to itself, to the one
  * ahead, by columns, the rows of each in fours; of its elimination D^-1, by it what couples it to
  * both neighbours and to the last block, and what that one has of it (ale_blocks.h). */
 typedef struct bd_ale_block {
   int n, lead, at; /* unknowns; rows of a column; the first of them */
+  int usual[2];
   double *back, *own, *ahead;
   double *inverse, *over[2], *far, *from;
 } bd_ale_block;

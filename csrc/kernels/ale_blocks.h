@@ -28,6 +28,10 @@ INLINE quad quad_add(quad sum, quad a, double x) {
   return _mm256_fmadd_pd(a, _mm256_set1_pd(x), sum);
 }
 
+INLINE quad quad_plus(quad a, quad b) {
+  return a + b;
+}
+
 /* Row by row. */
 INLINE quad quad_times(quad a, quad b) {
   return a * b;
@@ -56,6 +60,13 @@ INLINE quad quad_add(quad sum, quad a, double x) {
     sum.part[i] = sum.part[i] + a.part[i] * splat(x);
   }
   return sum;
+}
+
+INLINE quad quad_plus(quad a, quad b) {
+  for (int i = 0; i < QUAD / WIDTH; ++i) {
+    a.part[i] = a.part[i] + b.part[i];
+  }
+  return a;
 }
 
 INLINE quad quad_times(quad a, quad b) {
@@ -285,59 +296,87 @@ static void factor(const bd_ale_ring *ring) {
   invert(last->n, last->lead, last->inverse);
 }
 
-/* --- solutions -------------------------------------------------------------------------------- */
+/* --- solutions ---------------------------------------------------------------------------------- */
 
-/* Rows of a block: on the way to the middle D^-1 of what stands there and what is known of these
- * neighbours, on the way back from it the last block and the others. */
+/* On the way to the middle D^-1 of what stands in a block and what is known of the neighbours on
+ * these sides, on the way back from it the last block and those, which are added. */
+INLINE const double *first_matrix(const bd_ale_block *block, const int back) {
+  return back ? block->far : block->inverse;
+}
+
+/* Of a block of four unknowns beside one of four. Two sums, for one would wait for itself. */
+INLINE void solve_four(const bd_ale_block *block, const double *over, const double *near,
+                       const double *first, const int back, double *here) {
+  const double *const a = first_matrix(block, back);
+  quad own = back ? quad_at(here) : quad_none(), other = quad_none();
+  add_columns(1, QUAD, QUAD, a, first, &own);
+  add_columns(1, QUAD, QUAD, over, near, &other);
+  quad_to(here, quad_plus(own, other));
+}
+
 INLINE void solve_rows(const bd_ale_ring *ring, int b, const int sides[2], const int back,
-                       const int quads, const int n, const int lead, int first, const double *x,
-                       quad *sum) {
+                       const int quads, const int lead, int from, double *x, double *out) {
   const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
-  if (back) {
-    add_product(quads, lead, last->n, block->far + first, x + last->at, sum);
-  } else {
-    add_product(quads, lead, n, block->inverse + first, x + block->at, sum);
-  }
+  const bd_ale_block *const first = back ? last : block;
+  quad sum[MOST_QUADS] = {quad_none(), quad_none(), quad_none()};
+  add_columns(quads, lead, first->n, first_matrix(block, back) + from, x + first->at, sum);
   for (int side = 0; side < 2; ++side) {
     const bd_ale_block *const near = beside(ring, b, side);
     if (sides[side] && near != last) {
-      add_product(quads, lead, near->n, block->over[side] + first, x + near->at, sum);
+      add_columns(quads, lead, near->n, block->over[side] + from, x + near->at, sum);
     }
   }
-}
-
-INLINE void solve_fours(const bd_ale_ring *ring, int b, const int sides[2], const int back,
-                        const int quads, const int lead, int first, const double *x, double *out) {
-  quad sum[MOST_QUADS] = {quad_none(), quad_none(), quad_none()};
-  solve_rows(ring, b, sides, back, quads, ring->blocks[b].n, lead, first, x, sum);
   for (int q = 0; q < quads; ++q) {
-    quad_to(out + first + q * QUAD, sum[q]);
+    quad_to(out + from + q * QUAD, sum[q]);
   }
 }
 
-INLINE void solve_block(const bd_ale_ring *ring, int b, const int behind, const int ahead,
-                        const int back, double *x) {
+/* Of a block that is not usual, or stands beside one. */
+static void solve_any(const bd_ale_ring *ring, int b, int behind, int ahead, int back, double *x) {
   const bd_ale_block *const block = &ring->blocks[b];
   const int n = block->n, lead = block->lead, sides[2] = {behind, ahead};
   double *const here = x + block->at, out[LARGEST];
-  if (n == QUAD) {
-    quad sum = back ? quad_at(here) : quad_none();
-    solve_rows(ring, b, sides, back, 1, QUAD, QUAD, 0, x, &sum);
-    quad_to(here, sum);
-    return;
-  }
-  if (lead == 2 * QUAD) {
-    solve_fours(ring, b, sides, back, 2, 2 * QUAD, 0, x, out);
+  if (lead == QUAD) {
+    solve_rows(ring, b, sides, back, 1, QUAD, 0, x, out);
+  } else if (lead == 2 * QUAD) {
+    solve_rows(ring, b, sides, back, 2, 2 * QUAD, 0, x, out);
   } else if (lead == 3 * QUAD) {
-    solve_fours(ring, b, sides, back, 3, 3 * QUAD, 0, x, out);
+    solve_rows(ring, b, sides, back, 3, 3 * QUAD, 0, x, out);
   } else {
     for (int i = 0; i < lead; i += QUAD) {
-      solve_fours(ring, b, sides, back, 1, lead, i, x, out);
+      solve_rows(ring, b, sides, back, 1, lead, i, x, out);
     }
   }
   for (int i = 0; i < n; ++i) {
     here[i] = back ? here[i] + out[i] : out[i];
   }
+}
+
+INLINE void solve_block(const bd_ale_ring *ring, int b, const int behind, const int ahead,
+                        const int back, double *x) {
+  const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
+  const bd_ale_block *const near = ahead ? block + 1 : block - 1;
+  if (behind + ahead == 1 && block->usual[ahead] && (!back || last->n == QUAD)) {
+    double *const here = x + block->at;
+    solve_four(block, block->over[ahead], x + near->at, back ? x + last->at : here, back, here);
+  } else {
+    solve_any(ring, b, behind, ahead, back, x);
+  }
+}
+
+/* Four rows of a sum over many columns, of which four do not wait for each other. */
+INLINE quad add_many(const int lead, int n, const double *a, const double *x) {
+  quad sum[QUAD] = {quad_none(), quad_none(), quad_none(), quad_none()};
+  int u = 0;
+  for (; u + QUAD <= n; u += QUAD, a += QUAD * lead) {
+    for (int l = 0; l < QUAD; ++l) {
+      sum[l] = quad_add(sum[l], quad_at(a + l * lead), x[u + l]);
+    }
+  }
+  for (; u < n; ++u, a += lead) {
+    sum[0] = quad_add(sum[0], quad_at(a), x[u]);
+  }
+  return quad_plus(quad_plus(sum[0], sum[1]), quad_plus(sum[2], sum[3]));
 }
 
 /* The last block, from what all others stand at. */
@@ -346,11 +385,9 @@ INLINE void solve_last(const bd_ale_ring *ring, double *x) {
   const int lead = last->lead;
   double *const here = x + last->at, rhs[LARGEST];
   for (int i = 0; i < lead; i += QUAD) {
-    quad sum[QUAD] = {quad_none(), quad_none(), quad_none(), quad_none()};
-    for (int u = 0; u < last->at; ++u) {
-      sum[u % QUAD] = quad_add(sum[u % QUAD], quad_at(ring->from + u * lead + i), x[u]);
-    }
-    quad_to(rhs + i, quad_add(quad_add(sum[0], sum[1], 1.0), quad_add(sum[2], sum[3], 1.0), 1.0));
+    const quad sum = lead == QUAD ? add_many(QUAD, last->at, ring->from, x)
+                                  : add_many(lead, last->at, ring->from + i, x);
+    quad_to(rhs + i, sum);
   }
   for (int i = 0; i < last->n; ++i) {
     rhs[i] += here[i];
