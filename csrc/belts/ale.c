@@ -330,10 +330,10 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
 void bd_ale_damp_spans(bd_ale *ale) {
   for (int i = 0; i < ale->np; ++i) {
     bd_ale_span *span = &ale->spans[i];
-    double slope, stands, falls;
-    const double x = bd_ale_run_off(ale, span, ale->rest, &slope, &stands, &falls);
-    const double stretches = (span->length + x) / (ale->axial + ale->rest);
-    const double share = stretches / fmax(stretches - slope - falls, 0.1 * stretches);
+    const bd_ale_run_off run = bd_ale_run_off_at(ale, span, ale->rest);
+    const double stretches = (span->length + run.x) / (ale->axial + ale->rest);
+    const double share = stretches / fmax(stretches - run.slope, 0.1 * stretches);
+    span->at_rest = run.x - run.stands;
     const double pressed = span->pressed * ale->axial / stretches; /* as H rises */
     span->axial_part = ale->axial_damping * share * share;
     span->damping = span->axial_part + pressed * share * share;
@@ -523,7 +523,7 @@ double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state 
     const double H = pressing + ale->total[last], stretch = span_stretch(ale, H, flow);
     const double of_last =
         span_stretch(ale, pressing + ale->total[behind->begin + behind->n], flow);
-    double slope, stands, falls, low = of_last, rho = arc->radius, bent = 0.0;
+    double low = of_last, rho = arc->radius, bent = 0.0;
     for (int k = arc->begin; k < last; ++k) {
       const double before = low;
       if (k == arc->begin || ale->total[k] != ale->total[k - 1]) {
@@ -535,7 +535,7 @@ double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state 
       length += y->m[k];
     }
     y->v[last] = flow * 0.5 * (low + stretch);
-    const double x = bd_ale_run_off(ale, span, H, &slope, &stands, &falls);
+    const bd_ale_run_off run = bd_ale_run_off_at(ale, span, H);
     for (int n = 0; n < BD_ALE_MODES; ++n) {
       const double k2 = span->wave[n] * span->wave[n];
       const double sags =
@@ -545,7 +545,7 @@ double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state 
       y->a[j * BD_ALE_MODES + n] = ab - span->offset[n];
       y->p[j * BD_ALE_MODES + n] = span->moved[n];
     }
-    y->m[last] = (span->length + x + bent - stands) / stretch;
+    y->m[last] = (span->length + run.x + bent - run.stands) / stretch;
     arc->axis.omega = arc->sense * flow * low / rho;
     length += y->m[last];
   }

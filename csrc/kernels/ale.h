@@ -75,10 +75,12 @@ typedef struct bd_ale_span {
   double length, e[2], n[2], turning, length_rate;
   double wave[BD_ALE_MODES], moment[BD_ALE_MODES], offset[BD_ALE_MODES], moved[BD_ALE_MODES];
   double sag; /* g.n */
-  /* tension: flow past the mesh, force, H, stretch, what modes have of it, X + E, and 1 / (dT of
-   * what is left over); the rate at which ends and waves draw it out, and the damper's force */
-  double past, elastic, pressing, stretch, bent, path, per_slope, by_pressing, drawn, damped;
-  double rest[BD_ALE_MODES]; /* A_n */
+  /* tension: flow past the mesh, force, H, stretch, what modes have of it, X + E, its slope by H,
+   * 1 / (dT of what is left over), the slope of that slope; the rate at which ends and waves draw it
+   * out, and the damper's force; X + E of H0 without waves, at rest */
+  double past, elastic, pressing, stretch, bent, path, by_pressing, per_slope, bends, drawn, damped;
+  double at_rest;
+  double rest[BD_ALE_MODES], falls[BD_ALE_MODES]; /* A_n; by how much of it that falls with H */
   double lifted[2];          /* by waves, the angle at both ends */
   /* momentum: a', G a, G a', a + b, p~', without what m' and c' do, and sums of theirs; c' */
   double da[BD_ALE_MODES], ga[BD_ALE_MODES], gda[BD_ALE_MODES], ab[BD_ALE_MODES], dp[BD_ALE_MODES];
@@ -202,14 +204,16 @@ static inline double bd_at_most(double a, double most) {
   return a < most ? a : most;
 }
 
-/* A table at a place counted in knots, and its slope. */
-static inline double bd_ale_cubic(const double *value, const double *slope, double at, double *by) {
+/* A table at a place counted in knots, its slope, and the slope of that. */
+static inline double bd_ale_cubic(const double *value, const double *slope, double at, double *by,
+                                  double *bends) {
   int i = (int)at;
   i = i < 0 ? 0 : i > BD_ALE_KNOTS - 2 ? BD_ALE_KNOTS - 2 : i;
   const double s = at - i, rise = value[i + 1] - value[i];
   const double b = 3.0 * rise - 2.0 * slope[i] - slope[i + 1],
                c = slope[i] + slope[i + 1] - 2.0 * rise;
   *by = slope[i] + s * (2.0 * b + 3.0 * s * c);
+  *bends = 2.0 * b + 6.0 * s * c;
   return value[i] + s * (slope[i] + s * (b + s * c));
 }
 
@@ -230,32 +234,39 @@ static inline double bd_ale_rolls(const bd_ale_span *span, int end, int n) {
   return span->rolls[end] * (end == 0 || n % 2 == 0 ? span->wave[n] : -span->wave[n]);
 }
 
-/* X(H) of a span, its slope, the stretch of its resting modes, (S/4) sum k^2 A^2, and by how much
- * that falls with H. */
-static inline double bd_ale_run_off(const bd_ale *ale, bd_ale_span *span, double h, double *slope,
-                                    double *stands, double *falls) {
+/* X(H) of a span and the stretch of its resting modes, (S/4) sum k^2 A^2; the slope of X less that
+ * stretch, and of that slope. */
+typedef struct bd_ale_run_off {
+  double x, stands, slope, bends;
+} bd_ale_run_off;
+
+/* Also, of each mode, A, and by how much of it that falls with H. */
+static inline bd_ale_run_off bd_ale_run_off_at(const bd_ale *ale, bd_ale_span *span, double h) {
   const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
   const double floored = bd_at_least(h, least), at = bd_at_most(floored, most), S = span->length;
   const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1), per = 1.0 / at;
-  double by;
-  double x = bd_ale_cubic(span->table->value, span->table->slope, log(at / least) / knot, &by);
-  const double o = span->tilt * per, o_0 = span->tilt / ale->rest;
-  x -= (o * o - o_0 * o_0) / (2.0 * S);
-  *slope = at == h ? by / knot * per + o * o * per / S : 0.0;
-  double square[BD_ALE_MODES], fall[BD_ALE_MODES];
+  const double per_knot = 1.0 / knot, per_S = 1.0 / S;
+  double by, bends, square[BD_ALE_MODES];
+  const double x = bd_ale_cubic(span->table->value, span->table->slope, log(at / least) * per_knot,
+                                &by, &bends);
+  const double o = span->tilt * per, o_0 = span->tilt / ale->rest, lies = o * o * per_S;
+  bd_ale_run_off run = {.x = x - 0.5 * (lies - o_0 * o_0 * per_S)};
+  if (at == h) {
+    run.slope = (by * per_knot + lies) * per;
+    run.bends = ((bends * per_knot - by) * per_knot - 3.0 * lies) * per * per;
+  }
   for (int n = 0; n < BD_ALE_MODES; ++n) {
-    const double k2 = span->wave[n] * span->wave[n];
-    const double per_stiff = 1.0 / ((floored + span->stiff[n] * k2) * k2);
-    const double a = span->rest[n] = 2.0 * span->moment[n] * per_stiff / S;
+    const double k2 = span->wave[n] * span->wave[n], falls = 1.0 / (floored + span->stiff[n] * k2);
+    const double a = span->rest[n] = 2.0 * span->moment[n] * falls * per_S / k2;
+    span->falls[n] = h > least ? falls : 0.0;
     square[n] = 0.25 * S * k2 * a * a;
-    fall[n] = 2.0 * k2 * square[n] * per_stiff;
   }
-  *stands = *falls = 0.0;
   for (int n = 0; n < BD_ALE_MODES; ++n) {
-    *stands += square[n];
-    *falls += h > least ? fall[n] : 0.0;
+    run.stands += square[n];
+    run.slope += 2.0 * span->falls[n] * square[n];
+    run.bends -= 6.0 * span->falls[n] * span->falls[n] * square[n];
   }
-  return x;
+  return run;
 }
 
 #endif

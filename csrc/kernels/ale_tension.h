@@ -168,36 +168,46 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
   }
 }
 
-/* T of a span's cell, the root of m (1 + T / EA) = S + X(H) + E, from above and by steps of H0 / 2
- * at the most, for below it there are others. */
+/* T of a span's cell, the root of m (1 + T / EA) = S + X(H) + E, from what X + E is at rest and by
+ * steps of H0 / 2 at the most, for below it there are others. */
 INLINE void begin_span(bd_ale *ale, const bd_ale_state *y, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
-  span->past = 0.5 * (ale->past[k] + ale->past[after]);
-  span->elastic = bd_at_least(ale->axial * (span->length / y->m[k] - 1.0), 0.25 * ale->rest);
-  span->bent = 0.0;
+  double square = 0.0;
   for (int n = 0; n < BD_ALE_MODES; ++n) {
     const double ab = span->ab[n] = y->a[i * BD_ALE_MODES + n] + span->offset[n];
-    span->bent += 0.25 * span->length * span->wave[n] * span->wave[n] * ab * ab;
+    square += span->wave[n] * span->wave[n] * ab * ab;
   }
+  span->past = 0.5 * (ale->past[k] + ale->past[after]);
+  span->bent = 0.25 * span->length * square;
+  const double stretch = (span->length + span->at_rest + span->bent) / y->m[k];
+  span->elastic = bd_at_least(ale->axial * (stretch - 1.0), 0.25 * ale->rest);
 }
 
-/* One step, over H0. */
-INLINE double step_span(const bd_ale *ale, bd_ale_span *span, double m) {
+/* 1 / (dT of what is left over), by the slope of X + E; 0 where that is not to be trusted. */
+INLINE double per_slope_of(const bd_ale *ale, double m, double by_pressing, double by_T) {
+  const double alone = m / ale->axial, by = alone - by_pressing * by_T;
+  return by > 0.1 * alone ? 1.0 / by : 0.0;
+}
+
+/* One step, Halley's, whose error falls by the third power; returns whether it was the last. */
+INLINE int step_span(const bd_ale *ale, bd_ale_span *span, double m) {
   const double EA = ale->axial, H0 = ale->rest, momentum = ale->density * span->past * span->past;
   const double stretch = 1.0 + span->elastic / EA, thrown = momentum / stretch;
-  double slope, stands, falls;
+  const double by_T = 1.0 + thrown / (stretch * EA);
   span->pressing = span->elastic - thrown;
-  const double x = bd_ale_run_off(ale, span, span->pressing, &slope, &stands, &falls);
-  span->path = x + span->bent - stands;
-  span->by_pressing = slope + falls;
-  const double left = m * stretch - span->length - span->path;
-  const double by = m / EA - span->by_pressing * (1.0 + thrown / (stretch * EA));
-  span->per_slope = 1.0 / (by > 0.1 * m / EA ? by : m / EA);
-  const double step = -left * span->per_slope / H0;
+  const bd_ale_run_off run = bd_ale_run_off_at(ale, span, span->pressing);
+  const double left = m * stretch - span->length - (run.x + span->bent - run.stands);
+  const double per_slope = per_slope_of(ale, m, run.slope, by_T);
+  span->by_pressing = run.slope;
+  span->bends = run.bends;
+  double step = -left * (per_slope > 0.0 ? per_slope : EA / m);
+  const double curved = 1.0 - 0.5 * step * run.bends * by_T * by_T * per_slope;
+  const int follows = per_slope > 0.0 && curved > 0.5 && curved < 2.0;
+  step = (follows ? step / curved : step) / H0;
   span->elastic += H0 * bd_at_most(bd_at_least(step, -0.5), 0.5);
-  return fabs(step);
+  return fabs(step) < (follows ? 1e-5 : 1e-8);
 }
 
 INLINE void end_span(bd_ale *ale, const bd_ale_state *y, int i) {
@@ -205,7 +215,14 @@ INLINE void end_span(bd_ale *ale, const bd_ale_state *y, int i) {
   const bd_ale_arc *arc = &ale->arcs[i];
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
   span->stretch = 1.0 + span->elastic / ale->axial;
-  span->pressing = span->elastic - ale->density * span->past * span->past / span->stretch;
+  const double thrown = ale->density * span->past * span->past / span->stretch;
+  const double more = span->elastic - thrown - span->pressing; /* by the last step */
+  span->pressing += more;
+  span->path = y->m[k] * span->stretch - span->length;
+  span->by_pressing += span->bends * more;
+  const double per_slope = per_slope_of(ale, y->m[k], span->by_pressing,
+                                        1.0 + thrown / (span->stretch * ale->axial));
+  span->per_slope = per_slope > 0.0 ? per_slope : ale->axial / y->m[k];
   ale->stretch[k] = span->stretch;
   ale->elastic[k] = span->elastic;
   span->drawn = y->v[after] - y->v[k];
@@ -219,6 +236,7 @@ INLINE void end_span(bd_ale *ale, const bd_ale_state *y, int i) {
   ale->bent[k] = 0.0;
   span->lifted[0] = span->lifted[1] = 0.0;
   for (int n = 0; n < BD_ALE_MODES; ++n) {
+    span->rest[n] -= span->falls[n] * span->rest[n] * more;
     const double slope = span->wave[n] * (span->ab[n] - span->rest[n]);
     span->lifted[0] += slope;
     span->lifted[1] += n % 2 == 0 ? slope : -slope;
@@ -246,7 +264,7 @@ INLINE void stretch_spans(bd_ale *ale, const bd_ale_state *y) {
   for (int turn = 0; turn < MOST_STEPS && !last; ++turn) {
     last = 1;
     for (int i = 0; i < ale->np; ++i) {
-      last &= step_span(ale, &ale->spans[i], y->m[ale->arcs[i].begin + ale->arcs[i].n]) < 1e-8;
+      last &= step_span(ale, &ale->spans[i], y->m[ale->arcs[i].begin + ale->arcs[i].n]);
     }
   }
   for (int i = 0; i < ale->np; ++i) {
