@@ -330,7 +330,7 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
 void bd_ale_damp_spans(bd_ale *ale) {
   for (int i = 0; i < ale->np; ++i) {
     bd_ale_span *span = &ale->spans[i];
-    const bd_ale_run_off run = bd_ale_run_off_at(ale, span, ale->rest);
+    const bd_ale_run_off run = bd_ale_baseline.run_off(ale, span, ale->rest);
     const double stretches = (span->length + run.x) / (ale->axial + ale->rest);
     const double share = stretches / fmax(stretches - run.slope, 0.1 * stretches);
     span->at_rest = run.x - run.stands;
@@ -535,7 +535,7 @@ double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state 
       length += y->m[k];
     }
     y->v[last] = flow * 0.5 * (low + stretch);
-    const bd_ale_run_off run = bd_ale_run_off_at(ale, span, H);
+    const bd_ale_run_off run = bd_ale_baseline.run_off(ale, span, H);
     for (int n = 0; n < BD_ALE_MODES; ++n) {
       const double k2 = span->wave[n] * span->wave[n];
       const double sags =

@@ -148,6 +148,9 @@ static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   bd_ale_make(&belt->ale, model->drive);
   belt->kernels->place(&belt->ale);
   bd_ale_damp_spans(&belt->ale);
+  for (int m = 0; m < model->lay.nm; ++m) {
+    belt->ale.arcs[model->lay.mounted[m]].mounted = 1;
+  }
   place_cells(&belt->ale, belt->slot);
   belt->y = bd_ale_state_in(&belt->ale, model->lay.states, states[0]);
   belt->dy = bd_ale_state_in(&belt->ale, model->lay.states, states[1]);
@@ -262,7 +265,7 @@ void bd_ale_put_axes(const bd_plan *plan, const double *y) {
 void bd_ale_evaluate(const bd_plan *plan, const double *y) {
   bd_ale_belt *belt = plan->ale;
   const size_t size = (size_t)plan->model->lay.work * sizeof *y;
-  const int asked = belt->ale.moving ? 2 : 1;
+  const int asked = belt->ale.everywhere ? 2 : 1;
   if (belt->known < asked || memcmp(belt->seen, y, size) != 0) {
     bd_ale_put_axes(plan, y);
     bd_ale_read(plan, y, &belt->y);
@@ -275,10 +278,9 @@ void bd_ale_evaluate(const bd_plan *plan, const double *y) {
 /* The same, with forces on axes that stand. */
 const bd_ale *bd_ale_look(const bd_plan *plan, const double *y) {
   bd_ale *ale = &plan->ale->ale;
-  const int moving = ale->moving;
-  ale->moving = 1;
+  ale->everywhere = 1;
   bd_ale_evaluate(plan, y);
-  ale->moving = moving;
+  ale->everywhere = 0;
   return ale;
 }
 

@@ -41,6 +41,7 @@ typedef struct bd_ale_arc {
   int begin, n, slots; /* its first slot, its cells, slots up to the next slab */
   int before, next;    /* pulleys */
   int states;          /* of friction, of an end of a cell */
+  int mounted;         /* its axis moves, or may */
   int held; /* the law's state is a coefficient, which does not change where nothing presses */
   bd_friction friction;
   double side, sense;                 /* s; D s: of rims along the belt */
@@ -74,6 +75,7 @@ typedef struct bd_ale_span {
   int is_new;
   double length, e[2], n[2], turning, length_rate;
   double wave[BD_ALE_MODES], moment[BD_ALE_MODES], offset[BD_ALE_MODES], moved[BD_ALE_MODES];
+  double leans[BD_ALE_MODES]; /* A_n by what resists, 2 Q_n / S k_n^2 */
   double sag; /* g.n */
   /* tension: flow past the mesh, force, H, stretch, what modes have of it, X + E, its slope by H,
    * 1 / (dT of what is left over), the slope of that slope; the rate at which ends and waves draw it
@@ -117,7 +119,8 @@ typedef struct bd_ale {
   double quadratic, linear;                                       /* contact, per metre */
   double gravity[2], rest;                                        /* H0 */
   double elapsed; /* in the step, at whose end ends of wraps are renewed */
-  int moving;     /* axes do, or may: geometry is laid anew */
+  int moving;     /* axes do, or may: geometry is laid anew, and forces on these are known */
+  int everywhere; /* forces on all axes are wanted */
   double gyro[BD_ALE_MODES][BD_ALE_MODES], odd[BD_ALE_MODES], parts[2][BD_ALE_MODES];
   double left_over[3]; /* of a span's consistent mass what its modes do not carry */
   bd_ale_arc *arcs;
@@ -165,6 +168,12 @@ typedef struct bd_ale_ring {
   double *lanes;          /* unknowns of BD_LANES right-hand sides */
 } bd_ale_ring;
 
+/* X(H) of a span and the stretch of its resting modes, (S/4) sum k^2 A^2; the slope of X less that
+ * stretch, and of that slope. */
+typedef struct bd_ale_run_off {
+  double x, stands, slope, bends;
+} bd_ale_run_off;
+
 typedef struct bd_ale_kernels {
   /* In this order. Axes into geometry; tension and flow; what of the normal force acts at the ends
    * of cells (after a step only), and states of friction of belt that is laid on anew (y NULL: at
@@ -175,6 +184,8 @@ typedef struct bd_ale_kernels {
   void (*freeze)(bd_ale *ale, const bd_ale_state *y);
   void (*rub[BD_N_LAWS])(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy);
   void (*move)(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy);
+  /* Also, of each mode, A, and by how much of it that falls with H. */
+  bd_ale_run_off (*run_off)(const bd_ale *ale, bd_ale_span *span, double h);
   /* After a rate: derivatives of an arc [law]. 1 - g J: its factors, solutions. */
   void (*slopes[BD_N_LAWS])(const bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy,
                             const bd_ale_slopes *out);
@@ -232,41 +243,6 @@ static inline double bd_ale_draws(const bd_ale_span *span, int n) {
  * of mode n: as a wave turns the span there it rolls on the pulley. */
 static inline double bd_ale_rolls(const bd_ale_span *span, int end, int n) {
   return span->rolls[end] * (end == 0 || n % 2 == 0 ? span->wave[n] : -span->wave[n]);
-}
-
-/* X(H) of a span and the stretch of its resting modes, (S/4) sum k^2 A^2; the slope of X less that
- * stretch, and of that slope. */
-typedef struct bd_ale_run_off {
-  double x, stands, slope, bends;
-} bd_ale_run_off;
-
-/* Also, of each mode, A, and by how much of it that falls with H. */
-static inline bd_ale_run_off bd_ale_run_off_at(const bd_ale *ale, bd_ale_span *span, double h) {
-  const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
-  const double floored = bd_at_least(h, least), at = bd_at_most(floored, most), S = span->length;
-  const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1), per = 1.0 / at;
-  const double per_knot = 1.0 / knot, per_S = 1.0 / S;
-  double by, bends, square[BD_ALE_MODES];
-  const double x = bd_ale_cubic(span->table->value, span->table->slope, log(at / least) * per_knot,
-                                &by, &bends);
-  const double o = span->tilt * per, o_0 = span->tilt / ale->rest, lies = o * o * per_S;
-  bd_ale_run_off run = {.x = x - 0.5 * (lies - o_0 * o_0 * per_S)};
-  if (at == h) {
-    run.slope = (by * per_knot + lies) * per;
-    run.bends = ((bends * per_knot - by) * per_knot - 3.0 * lies) * per * per;
-  }
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    const double k2 = span->wave[n] * span->wave[n], falls = 1.0 / (floored + span->stiff[n] * k2);
-    const double a = span->rest[n] = 2.0 * span->moment[n] * falls * per_S / k2;
-    span->falls[n] = h > least ? falls : 0.0;
-    square[n] = 0.25 * S * k2 * a * a;
-  }
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    run.stands += square[n];
-    run.slope += 2.0 * span->falls[n] * square[n];
-    run.bends -= 6.0 * span->falls[n] * span->falls[n] * square[n];
-  }
-  return run;
 }
 
 #endif

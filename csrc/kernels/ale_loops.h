@@ -7,6 +7,8 @@
 
 #include "kernels/laws.h"
 
+#include "kernels/ale_modes.h"
+
 #include "kernels/ale_tension.h"
 
 #include "kernels/ale_friction.h"
@@ -22,6 +24,7 @@
 const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL) = {
     .place = place,
     .stretch = stretch,
+    .run_off = run_off,
     .freeze = freeze,
     .rub = {rub_NONE, BD_LAWS(ALE_RUB)},
     .move = move,

@@ -15,12 +15,15 @@ INLINE void lose_at_ends(bd_ale *ale, int i) {
   const int nodes[2] = {arc->begin + arc->n, ale->arcs[arc->next].begin};
   const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
   const int loses = ale->bending_damping > 0.0 && ale->bending > 0.0;
+  modes turns[2] = {each(0.0), each(0.0)};
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes rate = modes_at(span->wave + n) * modes_at(span->da + n);
+    turns[0] = turns[0] + rate;
+    turns[1] = turns[1] + turned_at(n) * rate;
+  }
   for (int end = 0; end < 2; ++end) {
     const double square = span->curvature[end] * span->curvature[end];
-    double speed = ale->past[nodes[end]];
-    for (int n = 0; n < BD_ALE_MODES; ++n) {
-      speed += bd_ale_rolls(span, end, n) * span->da[n];
-    }
+    const double speed = ale->past[nodes[end]] + span->rolls[end] * sum_of_modes(turns[end]);
     span->per_bending[end] =
         loses ? 0.5 * ale->bending_damping * square * sqrt(H / ale->bending) : 0.0;
     span->per_losing[end] = span->per_bending[end] + span->sinks[end];
@@ -28,22 +31,32 @@ INLINE void lose_at_ends(bd_ale *ale, int i) {
   }
 }
 
+/* As a span grows longer at this rate: by its length X less what the resting modes have, and what
+ * its waves, which it spreads, have of momentum along it, over rhoA m / S. */
+INLINE double spread(const bd_ale *ale, const bd_ale_span *span, double *waves) {
+  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
+  const double o = span->tilt / H, o_0 = span->tilt / ale->rest, S = span->length;
+  modes stands = each(0.0), carry = stands;
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes wave = modes_at(span->wave + n), k2 = wave * wave;
+    const modes bends = modes_at(span->stiff + n) * k2, a = modes_at(span->rest + n);
+    const modes ab = modes_at(span->ab + n);
+    stands = stands + k2 * a * a * (1.0 - 4.0 * bends / (H + bends));
+    carry = carry + (modes_at(span->da + n) + modes_at(span->moved + n)) * modes_at(span->ga + n) +
+            2.0 * span->past * k2 * ab * ab;
+  }
+  *waves = sum_of_modes(carry);
+  return 0.5 * (o * o - o_0 * o_0) / (S * S) + 0.25 * sum_of_modes(stands);
+}
+
 /* What runs along a path that grows longer is slower: of the part of a span's that its nodes and
  * waves do not make, and of waves as the span grows longer; into what belongs to c'. */
 INLINE void lengthen(bd_ale *ale, bd_ale_span *span, double m, double fills, double apart) {
   const double EA = ale->axial, c = span->past, S = span->length, by_H = span->by_pressing;
-  const double carried = ale->density * c / span->stretch;
-  const double by_T = 1.0 + carried * c / (span->stretch * EA), rate = span->length_rate;
-  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
-  const double o = span->tilt / H, o_0 = span->tilt / ale->rest;
-  double by_S = 0.5 * (o * o - o_0 * o_0) / S, waves = 0.0;
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    const double k2 = span->wave[n] * span->wave[n], bends = span->stiff[n] * k2;
-    const double a = span->rest[n], ab = span->ab[n];
-    by_S += 0.25 * S * k2 * a * a * (1.0 - 4.0 * bends / (H + bends));
-    waves += (span->da[n] + span->moved[n]) * span->ga[n] + 2.0 * c * k2 * ab * ab;
-  }
-  by_S /= S;
+  const double carried = ale->density * c / span->stretch, rate = span->length_rate;
+  const double by_T = 1.0 + carried * c / (span->stretch * EA);
+  double waves = 0.0;
+  const double by_S = rate != 0.0 ? spread(ale, span, &waves) : 0.0;
   const double draws = span->drawn - apart + rate * (1.0 + by_S - span->bent / S);
   span->carried = carried;
   span->per_path = by_H * by_T * span->per_slope;
@@ -56,42 +69,37 @@ INLINE void lengthen(bd_ale *ale, bd_ale_span *span, double m, double fills, dou
 INLINE void swing(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
-  const int k = arc->begin + arc->n, K = BD_ALE_MODES;
-  const double *a = y->a + i * K;
-  const double c = span->past, S = span->length, m = y->m[k];
+  const int k = arc->begin + arc->n, at = i * BD_ALE_MODES;
+  const double c = span->past, m = y->m[k], per_S = 1.0 / span->length;
   const double per_mp = span->stretch / ale->density, fills = dy->m[k] / m;
-  const double pull = span->elastic + span->damped;
-  double first = 0.0, added = 0.0, lateral = 0.0, per_S = 1.0 / S;
-  for (int n = 0; n < K; ++n) {
-    double ga = 0.0, gda = 0.0;
-    for (int r = 1 - n % 2; r < K; r += 2) {
-      ga += ale->gyro[n][r] * a[r];
-      gda += ale->gyro[n][r] * span->da[r];
-    }
-    span->ga[n] = ga * per_S;
-    span->gda[n] = gda * per_S;
-  }
-  for (int n = 0; n < K; ++n) {
-    const double k2 = span->wave[n] * span->wave[n], ab = span->ab[n], da = span->da[n];
-    const double ga = span->ga[n], kappa = k2 * ab;
-    const double resists =
-        span->losing[0] * bd_ale_rolls(span, 0, n) + span->losing[1] * bd_ale_rolls(span, 1, n);
-    const double forced = span->forced[n] =
-        -2.0 * c * span->gda[n] - (pull * per_mp - c * c) * kappa -
-        per_mp * k2 * k2 * (span->stiff[n] * ab + ale->bending_damping * da) +
-        2.0 * per_mp * per_S * (span->moment[n] - resists) +
-        ale->odd[n] * (4.0 * span->sag + 8.0 * ale->direction * span->turning * c);
-    const double dp = span->dp[n] = forced - fills * (da + c * ga);
-    dy->a[i * K + n] = da;
-    first += dp * ga + span->moved[n] * span->gda[n] + 2.0 * c * kappa * da;
-    added += kappa * ab - ga * ga;
-    lateral += da * da - c * c * kappa * ab;
+  const double lifts = (span->elastic + span->damped) * per_mp - c * c, drives = 2.0 * per_mp * per_S;
+  const double resists[2] = {span->losing[0] * span->rolls[0], span->losing[1] * span->rolls[1]};
+  const double falls = 4.0 * span->sag + 8.0 * ale->direction * span->turning * c;
+  modes first = each(0.0), added = first, lateral = first;
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes wave = modes_at(span->wave + n), k2 = wave * wave;
+    const modes ab = modes_at(span->ab + n), da = modes_at(span->da + n), kappa = k2 * ab;
+    const modes ga = per_S * coupled(ale, n, y->a + at), gda = per_S * coupled(ale, n, span->da);
+    const modes bends = modes_at(span->stiff + n) * ab + ale->bending_damping * da;
+    const modes rolls = wave * (resists[0] + resists[1] * turned_at(n));
+    const modes forced = drives * (modes_at(span->moment + n) - rolls) - 2.0 * c * gda -
+                         lifts * kappa - per_mp * k2 * k2 * bends + falls * modes_at(ale->odd + n);
+    const modes dp = forced - fills * (da + c * ga);
+    modes_to(span->ga + n, ga);
+    modes_to(span->gda + n, gda);
+    modes_to(span->forced + n, forced);
+    modes_to(span->dp + n, dp);
+    modes_to(dy->a + at + n, da);
+    first = first + dp * ga + modes_at(span->moved + n) * gda + 2.0 * c * kappa * da;
+    added = added + kappa * ab - ga * ga;
+    lateral = lateral + da * da - c * c * kappa * ab;
   }
   const int after = ale->arcs[arc->next].begin;
   const double apart = y->v[after] - y->v[k], across = ale->across[after] - ale->across[k];
-  span->first = 0.5 * ale->density * m * first;
-  span->added = 0.5 * ale->density * m * added;
-  span->lateral = 0.25 / per_mp * lateral + ale->density / 12.0 * (apart * apart + across * across);
+  span->first = 0.5 * ale->density * m * sum_of_modes(first);
+  span->added = 0.5 * ale->density * m * sum_of_modes(added);
+  span->lateral = 0.25 / per_mp * sum_of_modes(lateral) +
+                  ale->density / 12.0 * (apart * apart + across * across);
   lengthen(ale, span, m, dy->m[k], apart);
 }
 
@@ -158,7 +166,7 @@ INLINE void carry_speed(bd_ale *ale, const bd_ale_state *y, int j) {
 INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
-  const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin, K = BD_ALE_MODES;
+  const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
   const double density = ale->density, m = y->m[k], mu = density * m / 6.0;
   const double quarter = 0.25 * span->added, half = 0.5 * span->first;
   const double lags[2] = {ale->lags[k - 1], ale->lags[after]};
@@ -175,9 +183,10 @@ INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy
   dy->v[k] = per * (k_11 * f_0 - k_01 * f_1);
   dy->v[after] = per * (k_00 * f_1 - k_01 * f_0);
   span->quickens = 0.5 * (dy->v[k] + dy->v[after]);
-  for (int n = 0; n < K; ++n) {
-    span->dp[n] -= span->quickens * span->ga[n];
-    dy->p[i * K + n] = span->dp[n];
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes dp = modes_at(span->dp + n) - span->quickens * modes_at(span->ga + n);
+    modes_to(span->dp + n, dp);
+    modes_to(dy->p + i * BD_ALE_MODES + n, dp);
   }
 }
 
@@ -200,6 +209,11 @@ INLINE void lag_nodes(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy
 }
 
 /* --- what the belt does to the axes ----------------------------------------------------------- */
+
+/* Whether the force on a pulley's axis is. */
+INLINE int wanted(const bd_ale *ale, const bd_ale_arc *arc) {
+  return ale->everywhere || arc->mounted;
+}
 
 /* Of the arc: cells, friction, and the inertia of its nodes, which at its ends have a cell of it on
  * one side only. */
@@ -241,15 +255,20 @@ INLINE void push_axis(bd_ale *ale, const bd_ale_state *y, int j) {
 INLINE double shorten(const bd_ale *ale, const bd_ale_span *span, double m) {
   const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest), S = span->length;
   const double off = 1.0 - H / ale->rest, c = span->past;
-  double pulls = (span->elastic + span->damped) * span->bent, momentum = 0.0;
-  pulls += span->tilt * span->tilt / H * off * off / (2.0 * S);
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    const double k2 = span->wave[n] * span->wave[n], bends = span->stiff[n] * k2 * k2;
-    const double a = span->rest[n], ab = span->ab[n];
-    pulls += 0.25 * S * ((H * k2 - bends) * a * a + 3.0 * bends * ab * ab) - span->moment[n] * ab;
-    momentum += (span->da[n] + span->moved[n]) * span->ga[n] + c * k2 * ab * ab;
+  modes bears = each(0.0), momentum = bears;
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes wave = modes_at(span->wave + n), k2 = wave * wave;
+    const modes bends = modes_at(span->stiff + n) * k2 * k2, a = modes_at(span->rest + n);
+    const modes ab = modes_at(span->ab + n), square = ab * ab;
+    bears = bears + 0.25 * S * ((H * k2 - bends) * a * a + 3.0 * bends * square) -
+            modes_at(span->moment + n) * ab;
+    momentum = momentum +
+               (modes_at(span->da + n) + modes_at(span->moved + n)) * modes_at(span->ga + n) +
+               c * k2 * square;
   }
-  return (pulls - 0.5 * ale->density * m * c * momentum) / S;
+  const double pulls = (span->elastic + span->damped) * span->bent +
+                       span->tilt * span->tilt / H * off * off / (2.0 * S) + sum_of_modes(bears);
+  return (pulls - 0.5 * ale->density * m * c * sum_of_modes(momentum)) / S;
 }
 
 /* Of a span: what its modes do not carry of the consistent mass, and they themselves; and the lift
@@ -265,7 +284,8 @@ INLINE void push_ends(bd_ale *ale, const bd_ale_state *y, int i) {
   const double sided =
       (arcs[0]->side * arcs[0]->radius * takes[0] + arcs[1]->side * arcs[1]->radius * takes[1]) /
       span->length;
-  double rates[2], gives[2], levers[2], swings = 0.0;
+  double rates[2], gives[2], levers[2];
+  modes given[2] = {each(0.0), each(0.0)}, odd = each(0.0);
   for (int end = 0; end < 2; ++end) {
     const bd_ale_axis *axis = &arcs[end]->axis;
     rates[end] =
@@ -273,16 +293,21 @@ INLINE void push_ends(bd_ale *ale, const bd_ale_state *y, int i) {
         ale->direction * span->turning * (axis->v[0] * span->e[0] + axis->v[1] * span->e[1]);
     levers[end] = axis->lever[0] * span->n[0] + axis->lever[1] * span->n[1];
   }
-  for (int end = 0; end < 2; ++end) {
-    gives[end] = ale->left_over[end] * rates[0] + ale->left_over[1 + end] * rates[1];
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes forced = modes_at(span->forced + n);
+    given[0] = given[0] + modes_at(ale->parts[0] + n) * forced;
+    given[1] = given[1] + modes_at(ale->parts[1] + n) * forced;
+    odd = odd + modes_at(ale->odd + n) * modes_at(span->da + n);
   }
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    gives[0] += 0.5 * ale->parts[0][n] * span->forced[n];
-    gives[1] += 0.5 * ale->parts[1][n] * span->forced[n];
-    swings += ale->odd[n] * span->da[n];
-  }
-  swings *= 4.0 * ale->density / span->stretch * span->past;
   for (int end = 0; end < 2; ++end) {
+    gives[end] = ale->left_over[end] * rates[0] + ale->left_over[1 + end] * rates[1] +
+                 0.5 * sum_of_modes(given[end]);
+  }
+  const double swings = 4.0 * ale->density / span->stretch * span->past * sum_of_modes(odd);
+  for (int end = 0; end < 2; ++end) {
+    if (!wanted(ale, arcs[end])) {
+      continue;
+    }
     const double sign = end == 0 ? 1.0 : -1.0;
     const double push = mass * gives[end] + sign * (swings - lift - sided);
     const double along = takes[end] - sign * pulls;
@@ -315,11 +340,15 @@ static void move(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy) {
     lag_nodes(ale, y, dy, j);
   }
   close_cells(ale, ale->slows);
-  for (int j = 0; ale->moving && j < ale->np; ++j) {
-    push_axis(ale, y, j);
+  for (int j = 0; j < ale->np; ++j) {
+    if (wanted(ale, &ale->arcs[j])) {
+      push_axis(ale, y, j);
+    }
   }
-  for (int i = 0; ale->moving && i < ale->np; ++i) {
-    push_ends(ale, y, i);
+  for (int i = 0; i < ale->np; ++i) {
+    if (wanted(ale, &ale->arcs[i]) || wanted(ale, &ale->arcs[ale->arcs[i].next])) {
+      push_ends(ale, y, i);
+    }
   }
   for (int j = 0; j < ale->np; ++j) { /* the padding stays */
     const bd_ale_arc *arc = &ale->arcs[j];

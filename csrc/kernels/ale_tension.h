@@ -42,6 +42,7 @@ INLINE void place_span(bd_ale *ale, int i) {
     const double moment =
         0.5 * ale->bending * wave * (span->curvature[0] - sign * span->curvature[1]);
     span->moment[n] = span->driven[n] * moment;
+    span->leans[n] = 2.0 * span->moment[n] / (length * wave * wave);
     span->offset[n] = moment / (0.5 * length * ale->rest * wave * wave);
     span->moved[n] = ale->parts[0][n] * first + ale->parts[1][n] * last;
   }
@@ -168,19 +169,57 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
   }
 }
 
+/* X(H) and what the resting modes have of a span. */
+INLINE bd_ale_run_off run_off_at(const bd_ale *ale, bd_ale_span *span, double h) {
+  const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
+  const double floored = bd_at_least(h, least), at = bd_at_most(floored, most), S = span->length;
+  const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1), per = 1.0 / at;
+  const double per_knot = 1.0 / knot, per_S = 1.0 / S, counts = h > least ? 1.0 : 0.0;
+  double by, bends;
+  const double x = bd_ale_cubic(span->table->value, span->table->slope, log(at / least) * per_knot,
+                                &by, &bends);
+  const double o = span->tilt * per, o_0 = span->tilt / ale->rest, lies = o * o * per_S;
+  bd_ale_run_off run = {.x = x - 0.5 * (lies - o_0 * o_0 * per_S)};
+  if (at == h) {
+    run.slope = (by * per_knot + lies) * per;
+    run.bends = ((bends * per_knot - by) * per_knot - 3.0 * lies) * per * per;
+  }
+  modes stands = each(0.0), falls = stands, bent = stands;
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes wave = modes_at(span->wave + n), k2 = wave * wave;
+    const modes per_stiff = 1.0 / (floored + modes_at(span->stiff + n) * k2);
+    const modes a = modes_at(span->leans + n) * per_stiff, square = k2 * a * a;
+    modes_to(span->rest + n, a);
+    modes_to(span->falls + n, counts * per_stiff);
+    stands = stands + square;
+    falls = falls + per_stiff * square;
+    bent = bent + per_stiff * per_stiff * square;
+  }
+  run.stands = 0.25 * S * sum_of_modes(stands);
+  run.slope += counts * 0.5 * S * sum_of_modes(falls);
+  run.bends -= counts * 1.5 * S * sum_of_modes(bent);
+  return run;
+}
+
+static bd_ale_run_off run_off(const bd_ale *ale, bd_ale_span *span, double h) {
+  return run_off_at(ale, span, h);
+}
+
 /* T of a span's cell, the root of m (1 + T / EA) = S + X(H) + E, from what X + E is at rest and by
  * steps of H0 / 2 at the most, for below it there are others. */
 INLINE void begin_span(bd_ale *ale, const bd_ale_state *y, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
-  double square = 0.0;
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    const double ab = span->ab[n] = y->a[i * BD_ALE_MODES + n] + span->offset[n];
-    square += span->wave[n] * span->wave[n] * ab * ab;
+  modes square = each(0.0);
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes ab = modes_at(y->a + i * BD_ALE_MODES + n) + modes_at(span->offset + n);
+    const modes slope = modes_at(span->wave + n) * ab;
+    modes_to(span->ab + n, ab);
+    square = square + slope * slope;
   }
   span->past = 0.5 * (ale->past[k] + ale->past[after]);
-  span->bent = 0.25 * span->length * square;
+  span->bent = 0.25 * span->length * sum_of_modes(square);
   const double stretch = (span->length + span->at_rest + span->bent) / y->m[k];
   span->elastic = bd_at_least(ale->axial * (stretch - 1.0), 0.25 * ale->rest);
 }
@@ -197,7 +236,7 @@ INLINE int step_span(const bd_ale *ale, bd_ale_span *span, double m) {
   const double stretch = 1.0 + span->elastic / EA, thrown = momentum / stretch;
   const double by_T = 1.0 + thrown / (stretch * EA);
   span->pressing = span->elastic - thrown;
-  const bd_ale_run_off run = bd_ale_run_off_at(ale, span, span->pressing);
+  const bd_ale_run_off run = run_off_at(ale, span, span->pressing);
   const double left = m * stretch - span->length - (run.x + span->bent - run.stands);
   const double per_slope = per_slope_of(ale, m, run.slope, by_T);
   span->by_pressing = run.slope;
@@ -225,33 +264,43 @@ INLINE void end_span(bd_ale *ale, const bd_ale_state *y, int i) {
   span->per_slope = per_slope > 0.0 ? per_slope : ale->axial / y->m[k];
   ale->stretch[k] = span->stretch;
   ale->elastic[k] = span->elastic;
-  span->drawn = y->v[after] - y->v[k];
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    span->da[n] = y->p[i * BD_ALE_MODES + n] - span->moved[n];
-    span->drawn += bd_ale_draws(span, n) * span->da[n];
+  modes draws = each(0.0), begins = draws, ends = draws;
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes wave = modes_at(span->wave + n), ab = modes_at(span->ab + n);
+    const modes rest = modes_at(span->rest + n), stands = rest - more * modes_at(span->falls + n) * rest;
+    const modes da = modes_at(y->p + i * BD_ALE_MODES + n) - modes_at(span->moved + n);
+    const modes slope = wave * (ab - stands);
+    modes_to(span->rest + n, stands);
+    modes_to(span->da + n, da);
+    draws = draws + wave * wave * ab * da;
+    begins = begins + slope;
+    ends = ends + turned_at(n) * slope;
   }
+  span->drawn = y->v[after] - y->v[k] + 0.5 * span->length * sum_of_modes(draws);
+  span->lifted[0] = sum_of_modes(begins);
+  span->lifted[1] = sum_of_modes(ends);
   span->damped = span->damping * span->drawn / y->m[k];
   ale->tension[k] = span->elastic + span->damped;
   ale->pressing[k] = span->pressing;
   ale->bent[k] = 0.0;
-  span->lifted[0] = span->lifted[1] = 0.0;
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    span->rest[n] -= span->falls[n] * span->rest[n] * more;
-    const double slope = span->wave[n] * (span->ab[n] - span->rest[n]);
-    span->lifted[0] += slope;
-    span->lifted[1] += n % 2 == 0 ? slope : -slope;
+}
+
+/* What a free part bears on a half of a wrap; as waves lift a span the end rolls on. */
+INLINE void press_end(bd_ale *ale, const bd_ale_span *span, double lifted, int from, int to) {
+  const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
+  double *const shear = ale->shear;
+  const double *const roll = ale->roll;
+  for (int k = from; k < to; ++k) {
+    shear[k] = H - H * lifted * roll[k];
   }
 }
 
-/* What the free parts bear on both ends of a wrap; as waves lift a span the end rolls on. */
 INLINE void press_ends(bd_ale *ale, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
-  for (int k = 0; k < arc->n; ++k) {
-    const int last = 2 * k >= arc->n, slot = arc->begin + k;
-    const bd_ale_span *span = &ale->spans[last ? j : arc->before];
-    const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
-    ale->shear[slot] = H * (1.0 - ale->roll[slot] * span->lifted[!last]);
-  }
+  const bd_ale_span *in = &ale->spans[arc->before], *out = &ale->spans[j];
+  const int middle = arc->begin + arc->n / 2;
+  press_end(ale, in, in->lifted[1], arc->begin, middle);
+  press_end(ale, out, out->lifted[0], middle, arc->begin + arc->n);
 }
 
 /* All together: no step waits for that of another. */
