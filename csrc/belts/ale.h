@@ -54,19 +54,16 @@ typedef struct bd_ale_losses {
   double axial, bending, friction;
 } bd_ale_losses;
 
-/* --- ale_ring.c, ale_jacobian.c
- * --------------------------------------------------------------------------- */
+/* --- ale_ring.c, ale_jacobian.c ----------------------------------------------------------------- */
 
-/* What the rates of a span's ends and of its modes answer: to one more of something. */
-typedef struct bd_ale_answer {
-  double v[2], p[BD_ALE_MODES];
-} bd_ale_answer;
-
-/* To what moves its first node, its last one; to the rate of its metres. */
-enum { BD_ALE_FIRST, BD_ALE_LAST, BD_ALE_FILLS, BD_ALE_ANSWERS };
-
-/* Unknowns of a span. */
-enum { BD_ALE_OF_SPAN = 3 + 2 * BD_ALE_MODES };
+/* Where the entries of a row stand that begins a cell's, or is a node's: of a cell's in the columns of
+ * the metres of the cell before it, its own, the next one, and of both its nodes; of a node's of both
+ * cells, and of the node before it, itself, the next one; of a span's those beyond both its ends.
+ * Columns are `lead` apart; its number among all unknowns. */
+typedef struct bd_ale_row {
+  double *cells[3], *nodes[3];
+  int lead, at;
+} bd_ale_row;
 
 /* The Jacobian of the belt's rates by the belt's unknowns; by pulley its column of the rim's speed,
  * the row of the torque on it, and that torque by that speed. Of axes that have a lever: the row of
@@ -83,7 +80,9 @@ typedef struct bd_ale_newton {
   double *column, *row, *own;
   double *push, *push_by_rim, *moved[2], *torque_by[2], *push_by[2];
   double (*shear_row)[BD_ALE_OF_SPAN], *shear_column, *shear_torque, *shear_push;
-  bd_ale_answer (*answers)[BD_ALE_ANSWERS]; /* by span */
+  bd_ale_row *cells, *nodes; /* by slot */
+  bd_ale_moves *moves;
+  bd_ale_answers *answers; /* by span */
 } bd_ale_newton;
 
 /* states: the most that a law has. */

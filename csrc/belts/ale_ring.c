@@ -111,6 +111,52 @@ static void place_unknowns(const bd_ale_newton *newton, const bd_ale_drive *driv
   }
 }
 
+static double *entry_at(const bd_ale_newton *newton, const int row[2], const int column[2]) {
+  const bd_ale_ring *ring = &newton->ring;
+  const bd_ale_block *block = &ring->blocks[row[0]];
+  const int ahead = row[0] + 1 < ring->n ? row[0] + 1 : 0;
+  double *of = column[0] == row[0] ? block->own : column[0] == ahead ? block->ahead : block->back;
+  return of + column[1] * block->lead + row[1];
+}
+
+/* -1: there is none. */
+static void place_row(const bd_ale_newton *newton, bd_ale_row *row, const int of[2],
+                      const int cells[3], const int nodes[3]) {
+  row->lead = newton->ring.blocks[of[0]].lead;
+  row->at = newton->ring.blocks[of[0]].at + of[1];
+  for (int k = 0; k < 3; ++k) {
+    const int c = cells[k], n = nodes[k];
+    if (c >= 0) {
+      row->cells[k] =
+          entry_at(newton, of, (int[2]){newton->cell_block[c], newton->cell_at[c]});
+    }
+    if (n >= 0) {
+      row->nodes[k] =
+          entry_at(newton, of, (int[2]){newton->node_block[n], newton->node_at[n]});
+    }
+  }
+}
+
+static void place_rows(const bd_ale_newton *newton, const bd_ale_drive *drive) {
+  const int np = drive->np;
+  for (int j = 0; j < np; ++j) {
+    const int n = drive->pulleys[j].cells, begin = bd_ale_first_slot(drive, j);
+    const int behind = (j + np - 1) % np, next = bd_ale_first_slot(drive, (j + 1) % np);
+    const int before = bd_ale_first_slot(drive, behind) + drive->pulleys[behind].cells;
+    for (int k = 0; k <= n; ++k) {
+      const int slot = begin + k, is_span = k == n;
+      const int cell[2] = {newton->cell_block[slot], newton->cell_at[slot]};
+      const int node[2] = {newton->node_block[slot], newton->node_at[slot]};
+      place_row(newton, &newton->cells[slot], cell,
+                (int[3]){k > 0 ? slot - 1 : before, slot, is_span ? next : slot + 1},
+                is_span ? (int[3]){slot - 1, -1, next + 1} : (int[3]){slot, slot + 1, -1});
+      place_row(newton, &newton->nodes[slot], node,
+                (int[3]){k > 0 ? slot - 1 : -1, slot, -1},
+                k > 0 && !is_span ? (int[3]){slot - 1, slot, slot + 1} : (int[3]){-1, -1, -1});
+    }
+  }
+}
+
 void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale_drive *drive,
                          int states) {
   const int np = drive->np, stride = BD_HALO + bd_ale_first_slot(drive, drive->np) + BD_LANES;
@@ -150,16 +196,19 @@ void bd_ale_newton_carve(bd_carver *carver, bd_ale_newton *newton, const bd_ale_
   BD_CARVE(carver, newton->shear_column, 2 * np * newton->ring.unknowns);
   BD_CARVE(carver, newton->shear_torque, 2 * np);
   BD_CARVE(carver, newton->shear_push, 2 * np);
+  BD_CARVE(carver, newton->moves, 1);
   BD_CARVE(carver, newton->answers, np);
+  BD_CARVE(carver, newton->cells, bd_ale_first_slot(drive, np));
+  BD_CARVE(carver, newton->nodes, bd_ale_first_slot(drive, np));
   if (carver->base) {
     place_unknowns(newton, drive);
+    place_rows(newton, drive);
   }
 }
 
 /* Goes through the unknowns: each with its place in a state. */
 static void copy(const bd_ale_newton *newton, const bd_ale *ale, const bd_ale_state *y, double *x,
                  int gathers) {
-  const bd_ale_block *blocks = newton->ring.blocks;
 #define COPY(place, number)                                                                        \
   do {                                                                                             \
     if (gathers) {                                                                                 \
@@ -171,14 +220,14 @@ static void copy(const bd_ale_newton *newton, const bd_ale *ale, const bd_ale_st
   for (int j = 0; j < ale->np; ++j) {
     const bd_ale_arc *arc = &ale->arcs[j];
     for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
-      const int at = blocks[newton->cell_block[k]].at + newton->cell_at[k];
+      const int at = newton->cells[k].at;
       COPY(at, y->m[k]);
-      COPY(blocks[newton->node_block[k]].at + newton->node_at[k], y->v[k]);
+      COPY(newton->nodes[k].at, y->v[k]);
       for (int e = 0; e < 2 * arc->states && k < arc->begin + arc->n; ++e) {
         COPY(at + 1 + e, y->z[e / arc->states][e % arc->states * y->stride + k]);
       }
     }
-    const int span = blocks[newton->cell_block[arc->begin + arc->n]].at + 3;
+    const int span = newton->cells[arc->begin + arc->n].at + 3;
     for (int n = 0; n < BD_ALE_MODES; ++n) {
       COPY(span + n, y->a[j * BD_ALE_MODES + n]);
       COPY(span + BD_ALE_MODES + n, y->p[j * BD_ALE_MODES + n]);

@@ -148,6 +148,21 @@ typedef struct bd_ale_slopes {
   double *rate[2][BD_ALE_BYS], *rate_z[2], *total_z[2];
 } bd_ale_slopes;
 
+/* Unknowns of a span; what moves its first node, its last one, the rate of its metres. One more of
+ * each moves all that the rates of a span depend on by so much, and these answer. */
+enum { BD_ALE_OF_SPAN = 3 + 2 * BD_ALE_MODES };
+enum { BD_ALE_FIRST = BD_ALE_OF_SPAN, BD_ALE_LAST, BD_ALE_FILLS, BD_ALE_MOVES = 16 };
+
+typedef struct bd_ale_moves {
+  double m[BD_ALE_MOVES], past[BD_ALE_MOVES], pull[BD_ALE_MOVES], stretch[BD_ALE_MOVES];
+  double fills[BD_ALE_MOVES], total[2][BD_ALE_MOVES], losing[2][BD_ALE_MOVES];
+  double a[BD_ALE_MODES][BD_ALE_MOVES], p[BD_ALE_MODES][BD_ALE_MOVES];
+} bd_ale_moves;
+
+typedef struct bd_ale_answers {
+  double v[2][BD_ALE_MOVES], p[BD_ALE_MODES][BD_ALE_MOVES];
+} bd_ale_answers;
+
 /* A block of unknowns, whether it has four and those behind and ahead have: of the Jacobian what couples it to the block behind, to itself, to the one
  * ahead, by columns, the rows of each in fours; of its elimination D^-1, by it what couples it to
  * both neighbours and to the last block, and what that one has of it (ale_blocks.h). */
@@ -186,9 +201,11 @@ typedef struct bd_ale_kernels {
   void (*move)(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy);
   /* Also, of each mode, A, and by how much of it that falls with H. */
   bd_ale_run_off (*run_off)(const bd_ale *ale, bd_ale_span *span, double h);
-  /* After a rate: derivatives of an arc [law]. 1 - g J: its factors, solutions. */
+  /* After a rate: derivatives of an arc [law], of a span. 1 - g J: its factors, solutions. */
   void (*slopes[BD_N_LAWS])(const bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy,
                             const bd_ale_slopes *out);
+  void (*answer)(const bd_ale *ale, int i, const bd_ale_state *y, const bd_ale_state *dy,
+                 const bd_ale_moves *by, bd_ale_answers *out);
   void (*factor)(const bd_ale_ring *ring);
   void (*solve)(const bd_ale_ring *ring, double *x);
   /* Of n right-hand sides, `width` after one another; factors of these taken off x. */

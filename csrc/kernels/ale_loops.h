@@ -17,6 +17,8 @@
 
 #include "kernels/ale_slopes.h"
 
+#include "kernels/ale_answers.h"
+
 #include "kernels/ale_blocks.h"
 
 #define ALE_RUB(name, class, general, states, text) [BD_LAW_##name] = rub_##name,
@@ -29,6 +31,7 @@ const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL) = {
     .rub = {rub_NONE, BD_LAWS(ALE_RUB)},
     .move = move,
     .slopes = {slopes_NONE, BD_LAWS(ALE_SLOPES)},
+    .answer = answer,
     .factor = factor,
     .solve = solve,
     .solve_all = solve_all,
