@@ -48,7 +48,7 @@ static void fill_cell(const filling *f, int j, int k) {
   double *const rim = beside(f, f->newton->column, j, row->at);
   double *const shear = beside(f, f->newton->shear_column, end_at(ale, j, k), row->at);
   const flow_slopes in = flow_by(f, slot), out = flow_by(f, slot + 1);
-  const double per_m = 1.0 / f->y->m[slot];
+  const double per_m = ale->per_m[slot];
   const double flow = 0.5 * per_m * (ale->flow[slot] + ale->flow[slot + 1]);
   const double lies = ale->lies[slot] / (ale->cut_b[slot] - ale->cut_a[slot]);
   const int back = flow < 0.0;
@@ -106,7 +106,7 @@ static void fill_node(const filling *f, int j, int k) {
   const int slot = arc->begin + k, states = arc->states;
   const bd_ale_row *row = &f->newton->nodes[slot];
   double *const last = row->cells[0], *const next = row->cells[1];
-  const double per = 2.0 / (f->ale->density * (f->y->m[slot] + f->y->m[slot - 1]));
+  const double per = f->ale->per_mass[slot];
   double *const *const of_last = by->total[1], *const *const of_next = by->total[0];
   const int middle = 2 * k == arc->n, of_end = end_at(f->ale, j, k);
   *last = per * of_last[BD_ALE_M][slot - 1];

@@ -99,14 +99,14 @@ typedef struct bd_ale_span {
  * else 0; in a step what W at both ends of what lies on the pulley of a cell has of the end of the
  * wrap, s R / e of that, these ends as fractions of it (0 and 1 if nothing does), 1 if something
  * lies there, else 0. Of nodes: t, Omega, V.n; w, c;
- * J, 1 / lambda; what moves them. Of cells: d, lambda, T without damping and with it, H, energy of
+ * J, 1 / lambda; what moves them, 1 / their mass. Of cells: 1 / m, 1 / rho, d, lambda, T without damping and with it, H, energy of
  * bending less that of contact per metre, the shear by which the end of the wrap loads it. Of both
  * ends of cells friction, F (u' - u) along t and n, what both lose as the path between them grows
  * longer, and for that by their rates; after a rate the part of that. */
 #define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(end_a) X(end_b) X(roll) X(cut_a) X(cut_b) X(lies)
 #define BD_ALE_AT_NODES(X) X(tx) X(ty) X(turn) X(across) X(slid) X(past)
-#define BD_ALE_THROUGH_NODES(X) X(flow) X(per_stretch) X(total)
-#define BD_ALE_OF_CELLS(X) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent) X(shear)
+#define BD_ALE_THROUGH_NODES(X) X(flow) X(per_stretch) X(total) X(per_mass)
+#define BD_ALE_OF_CELLS(X) X(per_m) X(per_rho) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent) X(shear)
 #define BD_ALE_AT_ENDS(X) X(force_a) X(force_b) X(carried_t) X(carried_n) X(slows) X(lags)
 #define BD_ALE_SLOTS(X)                                                                            \
   BD_ALE_FIXED(X)                                                                                  \

@@ -5,9 +5,9 @@
  */
 
 /* What an arc's cells have in common at slot k: what of a cell lies on the pulley, and its half in
- * metres of belt; what presses, in all, and the shear of the end of the wrap. */
+ * metres of belt, and over these; what presses, in all, and the shear of the end of the wrap. */
 typedef struct lying {
-  vec part, per_part, half_m, pressed, shear, lies;
+  vec part, per_part, half_m, per_half_m, pressed, shear, lies;
 } lying;
 
 /* One place of friction of cells, at either end of what lies there: how far it is through the cell,
@@ -21,9 +21,11 @@ typedef struct rubbing {
 
 INLINE lying lying_at(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_state *y, int k) {
   const vec half = splat(0.5), part = load(ale->cut_b + k) - load(ale->cut_a + k);
+  const vec per_part = splat(1.0) / part;
   return (lying){
       .part = part,
-      .per_part = splat(1.0) / part,
+      .per_part = per_part,
+      .per_half_m = splat(2.0) * load(ale->per_m + k) * per_part,
       .half_m = half * load(y->m + k) * part,
       .pressed = half * splat(arc->cell_angle) * larger(load(ale->pressing + k), splat(0.0)),
       .shear = half * splat(arc->cell_angle) * load(ale->shear + k),
@@ -42,7 +44,7 @@ INLINE rubbing rub_at(const bd_ale *ale, const bd_ale_arc *arc, const lying *on,
   const vec slip = fma_(from, there - here, here) - splat(arc->sense * arc->axis.omega) * rho;
   return (rubbing){
       .at = {.v = where(less(none, on->lies), slip),
-             .normal = on->lies * normal / on->half_m,
+             .normal = on->lies * normal * on->per_half_m,
              .touch = less(none, on->lies)},
       .from = from,
       .deep = deep,
@@ -74,7 +76,7 @@ INLINE void carry_states(const bd_ale *ale, const lying *on, const bd_ale_state 
                          const bd_ale_state *dy, int k, int states) {
   const vec none = splat(0.0), half = splat(0.5);
   const vec flow = half * (load(ale->flow + k) + load_unaligned(ale->flow + k + 1));
-  const vec speed = half * on->lies * flow / on->half_m;
+  const vec speed = half * on->lies * flow * on->per_half_m;
   const mask back = less(flow, none);
   for (int e = 0; e < states; ++e) {
     const int at = e * y->stride + k;

@@ -123,8 +123,10 @@ INLINE void pull_nodes(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *d
     const vec tx = load(ale->tx + k), ty = load(ale->ty + k);
     const vec weighs = fma_(gx, tx, gy * ty) - D * load(ale->turn + k) * load(ale->across + k);
     const vec total = fma_(mass, weighs, pulls - rubs - carried);
+    const vec per_mass = splat(1.0) / mass;
     store(ale->total + k, total);
-    store(dy->v + k, total / mass);
+    store(ale->per_mass + k, per_mass);
+    store(dy->v + k, total * per_mass);
     store(dy->m + k, flow - load_unaligned(ale->flow + k + 1));
   }
 }
@@ -141,18 +143,20 @@ INLINE void carry_speed(bd_ale *ale, const bd_ale_state *y, int j) {
   const vec r0 = splat(arc->radius + arc->raised), EA = splat(ale->axial), c2 = splat(ale->linear);
   const vec c1 = splat(2.0 * ale->quadratic), density = splat(ale->density);
   const vec angle = splat(arc->cell_angle), turning = splat(arc->cell_turning);
+  const vec per_angle = splat(1.0 / arc->cell_angle);
   for (int k = arc->begin; k < last; k += WIDTH) {
     const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
     const vec flow = load(ale->flow + k), leaves = load_unaligned(ale->flow + k + 1);
     const vec through = quarter * (flow + leaves);
     store(ale->carried_t + k, through * (there - here));
     store(ale->carried_n + k, through * turned * (here + there));
-    const vec w = half * (here + there), d = load(ale->sink + k), rho = r0 - d, per = one / rho;
-    const vec per_m = one / load(y->m + k), q = angle * per_m, thrown = density * w * per;
+    const vec w = half * (here + there), d = load(ale->sink + k), rho = r0 - d;
+    const vec per = load(ale->per_rho + k), per_m = load(ale->per_m + k), q = angle * per_m;
+    const vec thrown = density * w * per;
     const vec stiff = fma_(EA * q, q, fma_(c1, larger(d, none), fma_(thrown * w, per, c2)));
     const vec per_stiff = one / stiff, by_q = EA * fma_(rho + rho, q, -one) * per_stiff;
     const vec sinks = by_q * per_m * (turning - q * (flow - leaves));
-    const vec carried = half * density * w / load(ale->stretch + k);
+    const vec carried = half * density * w * per * load(y->m + k) * per_angle;
     store(ale->slows + k, carried * fnma_(sinks, angle, (rho - R) * turning));
     store(ale->lags + k, carried * thrown * per_stiff * angle);
   }
@@ -191,9 +195,9 @@ INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy
 }
 
 /* Nodes between an arc's cells: what these lose by their rates, 1e-5 of what moves them. */
-INLINE void lag_nodes(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int j) {
+INLINE void lag_nodes(bd_ale *ale, const bd_ale_state *dy, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
-  const vec none = splat(0.0), half_density = splat(0.5 * ale->density);
+  const vec none = splat(0.0);
   const int last = arc->begin + arc->n;
   for (int k = arc->begin; k < last; k += WIDTH) {
     const vec lags = load(ale->lags + k) * (load(dy->v + k) + load_unaligned(dy->v + k + 1));
@@ -201,10 +205,9 @@ INLINE void lag_nodes(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy
     store(ale->slows + k, load(ale->slows + k) + lags);
   }
   for (int k = arc->begin; k < last; k += WIDTH) {
-    const vec m = load(y->m + k), behind = load_unaligned(y->m + k - 1);
     const mask inner = less(none, load(ale->is_cell + k) * load_unaligned(ale->is_cell + k - 1));
     const vec lags = load(ale->lags + k) + load_unaligned(ale->lags + k - 1);
-    store(dy->v + k, load(dy->v + k) - where(inner, lags / (half_density * (m + behind))));
+    store(dy->v + k, load(dy->v + k) - where(inner, lags * load(ale->per_mass + k)));
   }
 }
 
@@ -337,7 +340,7 @@ static void move(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy) {
     pull_ends(ale, y, dy, i);
   }
   for (int j = 0; j < ale->np; ++j) {
-    lag_nodes(ale, y, dy, j);
+    lag_nodes(ale, dy, j);
   }
   close_cells(ale, ale->slows);
   for (int j = 0; j < ale->np; ++j) {

@@ -56,11 +56,12 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
   const vec r0 = splat(arc->radius + arc->raised), EA = splat(ale->axial);
   const vec density = splat(ale->density), damping = splat(arc->damping);
   const vec sense = splat(arc->sense), speed = splat(arc->sense * arc->axis.omega);
+  const vec per_angle = splat(1.0 / arc->cell_angle);
   for (int k = arc->begin; k < arc->begin + arc->n; k += WIDTH) {
-    const vec m = load(y->m + k), per_m = one / m;
+    const vec m = load(y->m + k), per_m = load(ale->per_m + k);
     const vec angle = splat(arc->cell_angle), q = angle * per_m;
-    const vec d = load(ale->sink + k), rho = r0 - d, per_rho = one / rho;
-    const vec per = one / load(ale->stretch + k), H = load(ale->pressing + k);
+    const vec d = load(ale->sink + k), rho = r0 - d, per_rho = load(ale->per_rho + k);
+    const vec per = per_rho * m * per_angle, H = load(ale->pressing + k);
     const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
     const vec w = half * (here + there), apart = there - here, thrown = density * w * per;
     /* the depth by metres, v^2 held; the stretch; the force; H */

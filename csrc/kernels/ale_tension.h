@@ -129,7 +129,7 @@ INLINE void close_state(const bd_ale *ale, const bd_ale_state *y) {
 /* Depth, stretch and force of an arc's cells, c1' d^2 + c2' d = (T lambda - rhoA w^2) / rho, rho =
  * R
  * - d + p0. With T lambda = EA lambda (lambda - 1) and lambda = rho q, q the angle over m, only
- * what w does is no square of d: the root of what it is to first order, and a step of Newton's. */
+ * what w does is no square of d: the root of what it is to first order, and a step by that slope. */
 INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   const double outside = arc->radius + arc->raised;
@@ -137,6 +137,7 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
   const vec density = splat(ale->density), damping = splat(arc->damping);
   const vec none = splat(0.0), half = splat(0.5), one = splat(1.0), r0 = splat(outside);
   const vec angle = splat(arc->cell_angle), per_r0 = splat(1.0 / outside);
+  const vec per_angle = splat(1.0 / arc->cell_angle);
   const vec bending = splat(0.5 * ale->bending);
   const double outward = 0.5 * ale->density * arc->sense / arc->cell_angle;
   const vec gx = splat(outward * ale->gravity[0]), gy = splat(outward * ale->gravity[1]);
@@ -152,8 +153,12 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
     const vec rho = r0 - d, per_rho = one / rho, sunk = larger(d, none);
     const vec thrown = momentum * per_rho;
     const vec left = fma_(c1 * sunk, sunk, fma_(c2, d, fnma_(pull, fma_(rho, q, -one), thrown)));
-    d = d - left / fma_(2.0 * c1, sunk, fma_(thrown, per_rho, stiff));
+    const vec more = left * inverse; /* what w does to that slope is 1e-5 of it */
+    d = d - more;
+    const vec per = fnma_(per_rho * per_rho, more, per_rho);
     const vec stretch = (r0 - d) * q, elastic = EA * (stretch - one);
+    store(ale->per_m + k, per_m);
+    store(ale->per_rho + k, per);
     const vec tension = fma_(damping * (there - here), per_m, elastic);
     store(ale->sink + k, d);
     store(ale->stretch + k, stretch);
@@ -161,8 +166,8 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
     store(ale->tension + k, tension);
     const vec tx = load(ale->tx + k) + load_unaligned(ale->tx + k + 1);
     const vec ty = load(ale->ty + k) + load_unaligned(ale->ty + k + 1);
-    const vec lifts = load(y->m + k) * fnma_(gy, tx, gx * ty);
-    store(ale->pressing + k, tension - momentum / stretch - lifts);
+    const vec m = load(y->m + k), lifts = m * fnma_(gy, tx, gx * ty);
+    store(ale->pressing + k, tension - momentum * per * m * per_angle - lifts);
     const vec into = larger(d, none),
               pressed = fma_(c1 * into * splat(1.0 / 3.0) * into, into, half * c2 * d * d);
     store(ale->bent + k, load(ale->is_cell + k) * fma_(bending * q, q, -pressed));
