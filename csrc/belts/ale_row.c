@@ -198,36 +198,45 @@ static void weigh(const bd_model *model, double *weights) {
 
 /* --- states in and out ------------------------------------------------------------------------ */
 
+/* A field of a state vector and its slabs: an arc and the span behind it stand together in both, but
+ * for the first span, which begins the vector. */
+static void copy_field(const bd_ale *ale, double *restrict y, double *restrict slab, int into) {
+  const bd_ale_arc *first = &ale->arcs[0];
+  const int span = first->begin + first->n;
+  if (into) {
+    slab[span] = y[0];
+  } else {
+    y[0] = slab[span];
+  }
+  ++y;
+  for (int i = 1; i <= ale->np; ++i) {
+    const bd_ale_arc *arc = &ale->arcs[i < ale->np ? i : 0];
+    double *restrict const cells = slab + arc->begin;
+    const int n = arc->n + (i < ale->np);
+    for (int k = 0; into && k < n; ++k) {
+      cells[k] = y[k];
+    }
+    for (int k = 0; !into && k < n; ++k) {
+      y[k] = cells[k];
+    }
+    y += n;
+  }
+}
+
 /* Goes through a state vector and a state in slabs. */
 static void copy(const bd_plan *plan, double *y, const bd_ale_state *slabs, int into) {
   const bd_layout *lay = &plan->model->lay;
-  const int *slot = plan->ale->slot, states = lay->slots > 0 ? lay->states : 0;
-#define COPY(place, other)                                                                         \
-  do {                                                                                             \
-    if (into) {                                                                                    \
-      (other) = (place);                                                                           \
-    } else {                                                                                       \
-      (place) = (other);                                                                           \
-    }                                                                                              \
-  } while (0)
-  double *m = bd_field(lay, y, F_M), *v = bd_field(lay, y, F_V);
-  for (int c = 0; c < lay->n; ++c) {
-    COPY(m[c], slabs->m[slot[c]]);
-    COPY(v[c], slabs->v[slot[c]]);
+  const bd_ale *ale = &plan->ale->ale;
+  const int states = lay->slots > 0 ? lay->states : 0;
+  const size_t modes = (size_t)lay->n_modes * sizeof *y;
+  copy_field(ale, bd_field(lay, y, F_M), slabs->m, into);
+  copy_field(ale, bd_field(lay, y, F_V), slabs->v, into);
+  for (int k = 0; k < lay->slots * states; ++k) {
+    copy_field(ale, bd_field(lay, y, F_MU + k),
+               slabs->z[k / states] + k % states * slabs->stride, into);
   }
-  for (int end = 0; end < lay->slots; ++end) {
-    for (int e = 0; e < states; ++e) {
-      double *z = bd_field(lay, y, bd_f_state(lay, end) + e);
-      for (int c = 0; c < lay->n; ++c) {
-        COPY(z[c], slabs->z[end][e * slabs->stride + slot[c]]);
-      }
-    }
-  }
-  for (int k = 0; k < lay->n_modes; ++k) {
-    COPY(y[lay->a + k], slabs->a[k]);
-    COPY(y[lay->p + k], slabs->p[k]);
-  }
-#undef COPY
+  memcpy(into ? slabs->a : y + lay->a, into ? y + lay->a : slabs->a, modes);
+  memcpy(into ? slabs->p : y + lay->p, into ? y + lay->p : slabs->p, modes);
 }
 
 void bd_ale_read(const bd_plan *plan, const double *y, const bd_ale_state *slabs) {

@@ -184,12 +184,9 @@ INLINE void invert_rows(const int n, const int quads, double *a) {
 }
 
 /* The same of four unknowns, of which all stays in registers. */
-INLINE void invert_four(double *a) {
-  quad column[QUAD], none = quad_none();
+INLINE void invert_columns(quad column[QUAD]) {
   double per[QUAD];
-  for (int i = 0; i < QUAD; ++i) {
-    column[i] = quad_at(a + i * QUAD);
-  }
+  quad pivots = quad_none();
   for (int i = 0; i < QUAD; ++i) {
     const quad unit = unit_at(i, 0);
     per[i] = 1.0 / quad_lane(column[i], i);
@@ -197,13 +194,30 @@ INLINE void invert_four(double *a) {
     for (int j = 0; j < QUAD; ++j) {
       column[j] = quad_add(j == i ? unit : column[j], c, j == i ? 1.0 : quad_lane(column[j], i));
     }
+    pivots = quad_add(pivots, unit, per[i]);
   }
   for (int i = 0; i < QUAD; ++i) {
-    none = quad_add(none, unit_at(i, 0), per[i]);
+    column[i] = quad_times(column[i], pivots);
   }
+}
+
+INLINE void columns_at(const double *a, quad column[QUAD]) {
   for (int i = 0; i < QUAD; ++i) {
-    quad_to(a + i * QUAD, quad_times(column[i], none));
+    column[i] = quad_at(a + i * QUAD);
   }
+}
+
+INLINE void columns_to(double *a, const quad column[QUAD]) {
+  for (int i = 0; i < QUAD; ++i) {
+    quad_to(a + i * QUAD, column[i]);
+  }
+}
+
+INLINE void invert_four(double *a) {
+  quad column[QUAD];
+  columns_at(a, column);
+  invert_columns(column);
+  columns_to(a, column);
 }
 
 static void invert_any(int n, int lead, double *a) {
@@ -282,14 +296,88 @@ static void eliminate(const bd_ale_ring *ring, int b, int behind, int ahead) {
   multiply(last->lead, n, s, -1.0, block->from, block->far, lead, last->inverse, 1);
 }
 
+/* sum + a b, of four by four. */
+INLINE void add_four(const quad a[QUAD], const double *b, quad sum[QUAD]) {
+  for (int j = 0; j < QUAD; ++j) {
+    for (int l = 0; l < QUAD; ++l) {
+      sum[j] = quad_add(sum[j], a[l], b[j * QUAD + l]);
+    }
+  }
+}
+
+INLINE void scale_four(quad a[QUAD], double factor) {
+  for (int i = 0; i < QUAD; ++i) {
+    a[i] = quad_add(quad_none(), a[i], factor);
+  }
+}
+
+INLINE void clear_four(quad a[QUAD]) {
+  for (int i = 0; i < QUAD; ++i) {
+    a[i] = quad_none();
+  }
+}
+
+/* As eliminate, of a block of four unknowns between such ones, of which the one on this side has
+ * been; the last block has four. */
+INLINE void eliminate_four(const bd_ale_ring *ring, int b, const int side) {
+  const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
+  const bd_ale_block *const near = side == 0 ? block - 1 : block + 1;
+  const double *const been = side == 0 ? block->back : block->ahead;
+  const double *const coming = side == 0 ? block->ahead : block->back;
+  const double *const over = near->over[1 - side];
+  double *const rhs = ring->scratch;
+  quad a[QUAD], inverse[QUAD], sum[QUAD];
+  columns_at(block->own, inverse);
+  columns_at(been, a);
+  for (int i = 0; i < QUAD; ++i) {
+    inverse[i] = quad_add(unit_at(i, 0), inverse[i], -ring->g);
+    a[i] = quad_add(quad_none(), a[i], -ring->g);
+  }
+  add_four(a, over, inverse);
+  clear_four(sum);
+  add_four(a, near->far, sum);
+  columns_to(rhs, sum); /* less than 0 */
+  columns_at(near->from, a);
+  clear_four(sum);
+  add_four(a, over, sum);
+  columns_to(block->from, sum);
+  invert_columns(inverse);
+  columns_to(block->inverse, inverse);
+  scale_four(inverse, -1.0);
+  clear_four(a);
+  add_four(inverse, rhs, a);
+  columns_to(block->far, a);
+  scale_four(inverse, -ring->g);
+  clear_four(a);
+  add_four(inverse, coming, a);
+  columns_to(block->over[1 - side], a);
+  clear_four(a);
+  add_four(inverse, been, a);
+  columns_to(block->over[side], a);
+  scale_four(sum, -1.0);
+  columns_at(last->inverse, a);
+  add_four(sum, block->far, a);
+  columns_to(last->inverse, a);
+}
+
+/* Towards the middle. */
+INLINE void eliminate_from(const bd_ale_ring *ring, int b, const int side) {
+  const bd_ale_block *const block = &ring->blocks[b];
+  if (block->usual[0] && block->usual[1] && ring->blocks[ring->n - 1].n == QUAD) {
+    eliminate_four(ring, b, side);
+  } else {
+    eliminate(ring, b, side == 0, side == 1);
+  }
+}
+
 static void factor(const bd_ale_ring *ring) {
   const bd_ale_block *const last = &ring->blocks[ring->n - 1];
   const int middle = (ring->n - 1) / 2;
   begin_block(last, ring->g);
   for (int b = 0; b < middle; ++b) {
-    eliminate(ring, b, 1, 0);
+    eliminate_from(ring, b, 0);
     if (ring->n - 2 - b > middle) {
-      eliminate(ring, ring->n - 2 - b, 0, 1);
+      eliminate_from(ring, ring->n - 2 - b, 1);
     }
   }
   eliminate(ring, middle, 1, 1);
