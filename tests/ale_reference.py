@@ -11,7 +11,8 @@ differences is one call. `ale_reference_mesh.py` has the data and the geometry;
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from ale_reference_mesh import LEDGER, SLOPES, Geometry, Mesh, dot
@@ -41,6 +42,32 @@ class Axial:
     drawn: Array  # the same with what a span's waves draw out
     static: Array  # A_n(H) of the spans (..., n_p, K)
     path: Array  # X + E of the spans
+    waves: Waves
+
+
+@dataclass
+class Clamped:
+    """Waves of the spans (..., n_p, K): their number, lambda_n, mass and epsilon_n. [6]"""
+
+    wave: Array
+    value: Array
+    mass: Array
+    driven: Array
+
+
+@dataclass
+class Waves:
+    """What waves of the spans are under a force (..., n_p, K), and their ends (..., 2, n_p). [6]"""
+
+    pressing: Array  # H_s, (..., n_p)
+    stiff: Array  # EI_n
+    rises: Array  # e_n
+    eased: Array  # 1 / (1 + mu_n)
+    gyro: Array  # G S, (..., n_p, K, K)
+    slopes: Array  # of sine modes at both ends, (..., 2, n_p, K)
+    rest: Array  # at rest, of both ends
+    lifts: Array  # by how much they lift more as H rises
+    rolled: Array  # by which angle pressure there has rolled on
 
 
 @dataclass(frozen=True)
@@ -89,47 +116,143 @@ class Ale(Mesh):
         first, last = k[:, None], np.roll(k, -1)[:, None]
         waves = self.modes * math.pi / span[..., None]
         found = 0.5 * self.bending_stiffness * waves * (first - (-1.0) ** self.modes * last)
-        found = self.driven * found
         return found if self.end_moments else 0.0 * found
 
     def offset(self, span: Array) -> Array:
         """b_n, of the line at R_g from that at R."""
         waves = self.modes * math.pi / span[..., None]
         raised = 1.0 if self.line_raised else 0.0
-        moment = self.end_moment(span) / self.driven
-        return raised * moment / (0.5 * span[..., None] * self.h_0 * waves**2)
+        return raised * self.end_moment(span) / (0.5 * span[..., None] * self.h_0 * waves**2)
 
-    def rest_modes(self, h: Array, span: Array) -> Array:
-        """A_n(H), where the modes of a span rest, from the line at R."""
+    def clamped_waves(self, h: Array, span: Array) -> Clamped:
+        """Waves clamped l beyond the tangent points, under H. [6]"""
+        k, at, s = self.modes * math.pi / span[..., None], h[..., None], span[..., None]
+        ei, wave, one = self.bending_stiffness, k, np.ones_like(k * at)
+        if ei == 0.0 or not self.clamped:
+            return Clamped(k * one, at * k**2 + ei * k**4, one, one)
+        reach = np.sqrt(ei / at)
+        for _ in range(40):
+            ends = np.arctan(wave * reach / np.sqrt(1.0 + (wave * reach) ** 2))
+            wave = (self.modes * math.pi + 2.0 * ends) / (s + 2.0 * reach)
+        u2 = (wave * reach) ** 2
+        root, both = np.sqrt(1.0 + u2), 1.0 + 2.0 * u2
+        value = at * wave**2 + ei * wave**4
+        mass = 1.0 + 2.0 * reach / s * (1.0 - root / both + u2 / (both * root))
+        # by what is bent to e^(-x/l)/R there, of their own mass
+        works = 2.0 * (root - 1.0) * np.sqrt(both) / (root**2 * u2) * wave / k
+        return Clamped(wave, value, mass, works * value / (at * k**2) / np.sqrt(mass))
+
+    def waves_of(self, h: Array, span: Array) -> Waves:
+        """Clamped l beyond the tangent points, under H. [6]"""
+        h, ei = np.maximum(h, SLOPES[0] * self.h_0), self.bending_stiffness
+        k, at, s = self.modes * math.pi / span[..., None], h[..., None], span[..., None]
+        slopes = np.stack((k, -((-1.0) ** self.modes) * k), axis=-3)
+        one, of = np.ones_like(k), self.clamped_waves(h, span)
+        stiff = (of.value - at * k**2) / k**4
+        if ei > 0.0 and self.clamped:
+            reach, wave = np.sqrt(ei / at), of.wave
+            both, root = 1.0 + 2.0 * (wave * reach) ** 2, np.sqrt(1.0 + (wave * reach) ** 2)
+            apart = 1.0 - 1.0 / (both * root)
+            by_h = wave * reach * apart / at / (s + 2.0 * reach * apart)
+            rises = (wave**2 + (2.0 * at * wave + 4.0 * ei * wave**3) * by_h) / k**2 - 1.0
+            drawn = 0.5 * ei / at[..., None, :, :] * slopes
+            drawn = (
+                drawn * np.stack((self.s / self.radii, np.roll(self.s / self.radii, -1)))[..., None]
+            )
+            mu = (
+                2.0
+                / 3.0
+                * (drawn[..., 0, :, :] ** 2 + drawn[..., 1, :, :] ** 2 - drawn.prod(axis=-3))
+            )
+            bent = wave * np.sqrt(both / of.mass) / reach  # curvature where they are clamped
+            gap = of.value[..., :, None] - of.value[..., None, :]
+            odd = self.gyro != 0.0
+            gyro = 4.0 * ei * bent[..., :, None] * bent[..., None, :] / np.where(odd, gap, 1.0)
+            gyro = np.where(odd, gyro, 0.0)
+        else:
+            rises, mu = 0.0 * one, 0.0 * one
+            gyro = np.broadcast_to(self.gyro, (*k.shape, self.n_modes))
+        stands, falls = self.rest_modes(h, span)
+        rest = (slopes * stands[..., None, :, :]).sum(axis=-1)
+        lifts = (slopes * falls[..., None, :, :]).sum(axis=-1)
+        return Waves(h, stiff, rises, 1.0 / (1.0 + mu), gyro, slopes, rest, lifts, 0.0 * rest)
+
+    def held_by(self, w: Waves, h: Array, span: Array) -> tuple[Array, Array]:
+        """lambda_n(H), and its slope."""
+        k = self.modes * math.pi / span[..., None]
+        force = h[..., None] + w.rises * (h - w.pressing)[..., None]
+        return k**2 * (force + w.stiff * k**2), k**2 * (1.0 + w.rises)
+
+    def rest_modes(self, h: Array, span: Array) -> tuple[Array, Array]:
+        """A_n(H), where the modes of a span rest, from the line at R, and by how much that falls
+        with H. [2]
+        """
         at = np.maximum(h, SLOPES[0] * self.h_0)[..., None]
-        waves = self.modes * math.pi / span[..., None]
-        stiff = at * waves**2 + self.stiff * waves**4
-        return self.end_moment(span) / (0.5 * span[..., None] * stiff)
+        reach = np.sqrt(self.bending_stiffness / at)
+        powers = np.stack([reach**power for power in range(2, 6)])
+        slopes = powers * np.arange(2.0, 6.0).reshape(4, *(1,) * reach.ndim) / (2.0 * at)
+        rest = sum(a * b for a, b in zip(powers, self.bend, strict=True))
+        falls = sum(a * b for a, b in zip(slopes, self.bend, strict=True))
+        return rest, np.where(at == h[..., None], falls, 0.0)
 
-    def _span_cells(self, m: Array, span: Array, a: Array, past: Array) -> tuple[Array, ...]:
+    def rolls_on(self) -> Array:
+        """s R at both ends of the spans (2, n_p)."""
+        return np.stack((self.s * self.radii, np.roll(self.s * self.radii, -1)))
+
+    def angles(self, w: Waves, h: Array, ab: Array) -> Array:
+        """By which waves lift both ends (..., 2, n_p). [3]"""
+        waves = (w.slopes * ab[..., None, :, :]).sum(axis=-1) - w.rest
+        return waves + w.lifts * (h - w.pressing)[..., None, :]
+
+    def path_of(self, w: Waves, h: Array, span: Array, ab: Array) -> tuple[Array, Array]:
+        """X(H) + E(a, H), and its slope by H. [2]"""
+        x, slope = self.run_off(h, span)
+        (rest, falls), (value, by) = self.rest_modes(h, span), self.held_by(w, h, span)
+        apart, step = ab - rest, 1e-5 * h
+        again = self.rest_modes(h + step, span)[1] - self.rest_modes(h - step, span)[1]
+        again = again / (2.0 * step[..., None])
+        bends = falls * (2.0 * by * apart + value * falls) + value * apart * again
+        slope = slope + 0.5 * span * bends.sum(axis=-1)
+        angle, pull = self.angles(w, h, ab), h[..., None, :]
+        half = 0.5 * self.rolls_on() * angle
+        rolls = (half * angle * (angle / 3.0 + pull * w.lifts)).sum(axis=-2)
+        by_h = (4.0 * half * w.lifts * (0.5 * angle + 0.5 * pull * w.lifts)).sum(axis=-2)
+        waves = apart * (by * apart + 2.0 * value * falls)
+        return x + 0.25 * span * waves.sum(axis=-1) - rolls, slope - by_h
+
+    def draws(self, w: Waves, h: Array, span: Array, ab: Array) -> Array:
+        """By which modes draw their span out (..., n_p, K). [2]"""
+        angle = self.angles(w, h, ab)
+        ends = -0.5 * self.rolls_on() * angle * (angle + 2.0 * h[..., None, :] * w.lifts)
+        (rest, falls), (value, by) = self.rest_modes(h, span), self.held_by(w, h, span)
+        of_waves = 0.5 * span[..., None] * (by * (ab - rest) + value * falls)
+        return of_waves + (ends[..., None] * w.slopes).sum(axis=-3)
+
+    def turned(self, w: Waves, h: Array, ab: Array) -> Array:
+        """Moments of ends that roll (..., n_p, K). [6]"""
+        angle = self.angles(w, h, ab)
+        return (0.5 * h[..., None, :] * self.rolls_on() * angle**2)[..., None] * w.slopes
+
+    def _span_cells(self, m: Array, span: Array, a: Array, past: Array) -> tuple[Any, ...]:
         """T of the spans' cells by Newton's method for m (1 + T/EA) = S + X(H) + E(a, H)."""
-        ea, waves = self.axial_stiffness, self.modes * math.pi / span[..., None]
-        ab = a + self.offset(span)
-        bent = 0.25 * span * (waves**2 * ab**2).sum(axis=-1)
+        ea, ab, w = self.axial_stiffness, a + self.offset(span), self.waves
         momentum = self.linear_density * past**2  # rhoA c^2
-        t = np.maximum(ea * (span / m - 1.0), 0.25 * self.h_0)
+        first = self.h_0 if w is None else w.pressing
+        t = np.maximum(ea * (span / m - 1.0), first + momentum)
         for _ in range(30):
             stretch = 1.0 + t / ea
             h = t - momentum / stretch
-            x, slope = self.run_off(h, span)
-            rest = self.rest_modes(h, span)
-            stands = 0.25 * span * (waves**2 * rest**2).sum(axis=-1)
-            stiff = h[..., None] * waves**2 + self.stiff * waves**4
-            fall = 0.5 * span * (waves**4 * rest**2 / stiff).sum(axis=-1)
-            fall = np.where(h > SLOPES[0] * self.h_0, fall, 0.0)  # -d stands/dH
-            left = m * stretch - span - x - bent + stands
-            slope_t = m / ea - (slope + fall) * (1.0 + momentum / stretch**2 / ea)
+            if self.waves is None:
+                w = self.waves_of(h, span)
+            path, slope = self.path_of(w, h, span, ab)
+            left = m * stretch - span - path
+            slope_t = m / ea - slope * (1.0 + momentum / stretch**2 / ea)
             step = -left / np.where(slope_t > 0.1 * m / ea, slope_t, m / ea)
             t = t + np.clip(step, -0.5 * self.h_0, 0.5 * self.h_0)
-            if np.all(np.abs(step) < 1e-8 * self.h_0):  # the next would be below rounding
+            if np.all(np.abs(step) < 1e-13 * self.h_0):
                 break
         h = t - momentum / (1.0 + t / ea)
-        return t, h, rest, m * (1.0 + t / ea) - span
+        return t, h, self.rest_modes(h, span)[0], m * (1.0 + t / ea) - span, w
 
     def axial(self, y: Array, geo: Geometry) -> Axial:
         m, v, a = self.get(y, "m"), self.get(y, "v"), self.get(y, "a")
@@ -142,7 +265,7 @@ class Ale(Mesh):
         sink, length[..., arcs] = self._arc_cells(m[..., arcs], angle, mean)
         speed = 0.5 * (past[..., spans] + past[..., self.ends])
         found = self._span_cells(m[..., spans], geo.span, a, speed)
-        elastic[..., spans], pressing_span, static, path = found
+        elastic[..., spans], pressing_span, static, path, w = found
         length[..., spans] = geo.span + path
         elastic[..., arcs] = self.axial_stiffness * (length / m - 1.0)[..., arcs]
         stretch = length / m
@@ -150,9 +273,8 @@ class Ale(Mesh):
         rate = slid[..., nxt] - slid
         rate[..., spans] = v[..., self.ends] - v[..., spans]
         drawn, dampers = rate.copy(), np.empty(self.n)
-        waves = self.modes * math.pi / geo.span[..., None]
         ab, da = a + self.offset(geo.span), self.swings(y, geo)
-        drawn[..., spans] += (0.5 * geo.span[..., None] * waves**2 * ab * da).sum(axis=-1)
+        drawn[..., spans] += (self.draws(w, pressing_span, geo.span, ab) * da).sum(axis=-1)
         dampers[arcs], dampers[spans] = self.arc_dampers[1][of], self.span_dampers[1]
         tension = elastic + dampers * drawn / m
         pressing = np.empty_like(m)
@@ -161,17 +283,21 @@ class Ale(Mesh):
         outward = 0.5 * self.s[of] * dot(self.g, geo.nn + geo.nn[..., nxt, :])[..., arcs]
         lifts = self.linear_density * m[..., arcs] * outward / angle
         pressing[..., arcs] = tension[..., arcs] - centrifugal - lifts
-        held = self.held if self.held is not None else self.boundary(pressing_span, geo.wrap)
+        lifted, held = self.angles(w, pressing_span, ab), self.held
+        if held is None:
+            held, rolled = self.boundary(pressing_span, geo.wrap, lifted)
+            w = replace(w, rolled=rolled)
         end, cuts, roll = held[..., 0, :, :], held[..., 1, :, :], held[..., 2, 0, :]
         part = np.diff(cuts, axis=-2)
         lies = part > 0.0
         share = np.where(lies, np.maximum(part + end, 0.0), 0.0)
-        slope = waves * (ab - static)  # of what waves add to rest
-        lifted = (slope.sum(axis=-1), (-((-1.0) ** self.modes) * slope).sum(axis=-1))
+        lifted = lifted - w.rolled
         first = 2.0 * self.fraction[arcs] < 1.0
         force = np.maximum(pressing_span, SLOPES[0] * self.h_0)
         force = np.where(first, np.roll(force, 1, axis=-1)[..., of], force[..., of])
-        turned = np.where(first, np.roll(lifted[1], 1, axis=-1)[..., of], lifted[0][..., of])
+        turned = np.where(
+            first, np.roll(lifted[..., 1, :], 1, axis=-1)[..., of], lifted[..., 0, of]
+        )
         shear = (force * (1.0 - roll * turned))[..., None, :]
         normal = np.maximum(0.0, pressing[..., arcs])[..., None, :] * part + shear * end
         normal = 0.5 * angle[..., None, :] * np.where(lies, np.maximum(normal, 0.0), 0.0)
@@ -179,37 +305,42 @@ class Ale(Mesh):
             length=length, stretch=stretch, at_node=at_node, elastic=elastic, tension=tension,
             flow=past / at_node, past=past, sink=sink, slid=slid, pressing=pressing,
             share=share, held=held, cuts=cuts, normal=normal, apart=rate, drawn=drawn,
-            static=static, path=path,
+            static=static, path=path, waves=w,
         )  # fmt: skip
 
-    def boundary(self, pressing: Array, wrap: Array) -> Array:
+    def boundary(self, pressing: Array, wrap: Array, lifted: Array) -> tuple[Array, Array]:
         """What the end of a wrap has of W, what lies of a cell as fractions of it, at both ends of
         what lies of the cells on arcs, and s R/e (..., 3, 2, N_arc), from H of the spans: the belt
-        touches from e on. Load and its first moment are kept in each cell. [3]
+        touches from e on and what waves that lift it have rolled it by, an angle of both ends of
+        the spans (..., 2, n_p), given back. Load and its first moment are kept in each cell. [3]
         """
         ei, of = self.bending_stiffness, self.arc_pulley
         if ei == 0.0 or not self.boundary_layers:
             cuts = np.broadcast_to(np.array([[0.0], [1.0]]), (2, len(self.arcs)))
             held = np.stack((np.zeros_like(cuts), cuts, np.zeros_like(cuts)))
-            return np.broadcast_to(held, (*pressing.shape[:-1], *held.shape))
-        whole = (self.radii * wrap)[..., of]
+            return np.broadcast_to(held, (*pressing.shape[:-1], *held.shape)), 0.0 * lifted
+        on, roll = self.radii * wrap, self.s * self.radii
+        whole = on[..., of]
         h = np.maximum(pressing, SLOPES[0] * self.h_0)
         c1, c2 = self.contact
-        ends = []
-        for force in (np.roll(h, 1, axis=-1)[..., of], h[..., of]):
-            stiff = 0.5 * (c2 + np.sqrt(c2**2 + 4.0 * c1 * force / self.radii[of]))  # N / d
+        ends, rolled = [], []
+        angles = np.roll(lifted[..., 1, :], 1, axis=-1), lifted[..., 0, :]
+        for force, angle in zip((np.roll(h, 1, axis=-1), h), angles, strict=True):
+            stiff = 0.5 * (c2 + np.sqrt(c2**2 + 4.0 * c1 * force / self.radii))  # N / d
             square = 0.5 * np.sqrt(stiff / ei)
             p = np.sqrt(square + 0.25 * force / ei)
             q = np.sqrt(np.maximum(square - 0.25 * force / ei, 1e-6 * square))
-            e = np.minimum(np.sqrt(ei / force) - p / square, 0.45 * whole)
-            ends.append((e, p, q, (1.0 + p * e) / q))
-        first, last = ends[0][0], whole - ends[1][0]
+            e = np.minimum(np.sqrt(ei / force) - p / square, 0.45 * on)
+            begin = np.clip(e + roll * angle, np.minimum(e, 0.0), 0.45 * on)
+            rolled.append((begin - e) / roll)
+            ends.append([one[..., of] for one in (e, p, q, (1.0 + p * e) / q, begin)])
+        first, last = ends[0][4], whole - ends[1][4]
 
-        def more(x: Array, end: tuple[Array, ...]) -> tuple[Array, Array]:
+        def more(x: Array, end: list[Array]) -> tuple[Array, Array]:
             """What is carried more than H/R up to x behind the touching point, less what it is far
             from there, over H/R; and its integral.
             """
-            e, p, q, over = end
+            e, p, q, over, _ = end
             fades, sine, cosine = np.exp(-p * x), np.sin(q * x), np.cos(q * x)
             sums = e * (p * cosine - q * sine) + over * (p * sine + q * cosine)
             return -fades * (e * cosine + over * sine), fades * sums / (p**2 + q**2)
@@ -219,7 +350,7 @@ class Ale(Mesh):
             one, other = more(s - first, ends[0]), more(last - s, ends[1])
             return one[0] - other[0], one[1] + other[1]
 
-        part = whole / self.on[of]
+        part = whole / self.on[of]  # a cell
         begin = self.fraction[self.arcs] * whole
         s_0, s_1 = np.clip(begin, first, last), np.clip(begin + part, first, last)
         lies = s_1 - s_0 > 0.02 * part
@@ -229,9 +360,10 @@ class Ale(Mesh):
         cuts = np.stack((s_0 - begin, s_1 - begin), axis=-2) / part[..., None, :]
         reach = [np.maximum(one[0], 0.5 / one[1]) for one in ends]
         reach = np.where(2.0 * self.fraction[self.arcs] < 1.0, *reach)
-        roll = (self.s * self.radii)[of] / reach
-        held = np.stack((end, cuts, np.stack((roll, roll), axis=-2)), axis=-3)
-        return np.where(lies[..., None, None, :], held, 0.0)
+        share = roll[of] / reach
+        held = np.stack((end, cuts, np.stack((share, share), axis=-2)), axis=-3)
+        rolled = np.stack((rolled[1], np.roll(rolled[0], -1, axis=-1)), axis=-2)
+        return np.where(lies[..., None, None, :], held, 0.0), rolled
 
     # ---- [4] friction --------------------------------------------------------------------------
 
@@ -320,23 +452,26 @@ class Ale(Mesh):
         ea, rho, of, span = self.axial_stiffness, self.linear_density, self.arc_pulley, geo.span
         c = 0.5 * (ax.past[..., self.spans] + ax.past[..., self.ends])
         stretch, waves = ax.stretch[..., self.spans], self.modes * math.pi / span[..., None]
-        h = ax.pressing[..., self.spans]
-        stiff = h[..., None] * waves**2 + self.stiff * waves**4
-        fall = 0.5 * span * (waves**4 * ax.static**2 / stiff).sum(axis=-1)
-        by_h = self.run_off(h, span)[1] + np.where(h > SLOPES[0] * self.h_0, fall, 0.0)
+        h, w = ax.pressing[..., self.spans], ax.waves
+        value, by = self.held_by(w, h, span)
+        by_h = self.path_of(w, h, span, ab)[1]
         thrown = rho * c**2 / stretch
         by_t, by_c = 1.0 + thrown / stretch / ea, -2.0 * thrown / np.where(c == 0.0, 1.0, c)
         per = m[..., self.spans] / ea - by_h * by_t
         per = 1.0 / np.where(per > 0.1 * m[..., self.spans] / ea, per, m[..., self.spans] / ea)
-        drawn = (0.5 * span[..., None] * waves**2 * ab * da).sum(axis=-1)
-        stands = 0.25 * span[..., None] * waves**2 * ax.static**2
-        by_span = (stands * (1.0 - 4.0 * self.stiff * waves**4 / stiff)).sum(axis=-1)
+        drawn = (self.draws(w, h, span, ab) * da).sum(axis=-1)
+        # how path that waves make goes with S: lambda_n as -2 - 2 EI_n k^4/lambda_n
+        rest, falls = self.rest_modes(h, span)
+        apart = ab - rest
+        by_span = by * apart + 2.0 * falls * (value + 2.0 * w.stiff * waves**4)
+        by_span = -0.25 * span * (apart * by_span).sum(axis=-1)
         by_span = (by_span + 0.5 * self.tilt**2 * (h**-2 - self.h_0**-2) / span) / span
         bent = 0.25 * (waves**2 * ab**2).sum(axis=-1)
-        pulls = drawn + geo.span_rate * (1.0 + by_span - bent) - stretch * dm[..., self.spans]
+        pulls = drawn + geo.span_rate * (1.0 + by_span) - stretch * dm[..., self.spans]
         raise_ = self.s * self.raised
         turns = -self.sense * geo.turning * (raise_ - np.roll(raise_, -1, axis=-1))
-        of_spans = by_h * by_t * per * pulls + turns + by_span * geo.span_rate
+        drawn = drawn - (0.5 * span[..., None] * waves**2 * ab * da).sum(axis=-1)  # not by waves
+        of_spans = by_h * by_t * per * pulls + turns + (by_span + bent) * geo.span_rate + drawn
         by_quickens = by_h * by_c * (1.0 + by_t * per * by_h)
         # arcs
         turned = geo.wrap_rate[..., of] / self.on[of]
@@ -371,24 +506,28 @@ class Ale(Mesh):
         m_s, t_s = m[..., spans], ax.tension[..., spans]
         density = rho / ax.stretch[..., spans]  # mp
         da = self.swings(y, geo)
-        gyro = self.gyro / span[..., None, None]
+        w, h = ax.waves, ax.pressing[..., spans]
+        gyro = w.gyro / span[..., None, None]
         ga = (gyro @ a[..., None])[..., 0]
         gda = (gyro @ da[..., None])[..., 0]
         ab = a + self.offset(span)
+        bends = self.held_by(w, h, span)[0] - h[..., None] * waves**2
+        driven = 0.5 * span[..., None] * self.held_by(w, h, span)[0] * ax.static
+        driven = driven + self.turned(w, h, ab).sum(axis=-3)
         mp, cc = density[..., None], c[..., None]
         gravity = dot(self.g, geo.n)
         dp = (
             -2.0 * cc * gda
             - (t_s / density - c**2)[..., None] * waves**2 * ab
-            - self.stiff / mp * waves**4 * ab
+            - bends / mp * ab
             - self.bending_damping / mp * waves**4 * da
-            + 2.0 * self.end_moment(span) / (span[..., None] * mp)
+            + 2.0 * driven / (span[..., None] * mp)
             + self.odd * (4.0 * gravity + 8.0 * self.sense * geo.turning * c)[..., None]
         )  # fmt: skip
         speeds = self.end_speeds(geo, ax, da)
         losing = self.per_losing(geo, ax).sum(axis=0) * speeds
         resists = (losing[..., None] * self.rolls(geo)).sum(axis=-3)
-        dp = dp - 2.0 * resists / (span[..., None] * mp)
+        dp = w.eased * (dp - 2.0 * resists / (span[..., None] * mp))
         forced = dp  # what the span as a whole gives its ends
         if self.reaction:
             dp = dp - (dm[..., spans] / m_s)[..., None] * (da + cc * ga)
@@ -504,17 +643,11 @@ class Ale(Mesh):
         span, h, t = geo.span, ax.pressing[..., self.spans], ax.tension[..., self.spans]
         waves = self.modes * math.pi / span[..., None]
         bent = 0.25 * span * (waves**2 * ab**2).sum(axis=-1)
-        rests = (
-            0.25
-            * span[..., None]
-            * ax.static**2
-            * (self.stiff * waves**4 - h[..., None] * waves**2)
-        )
+        apart, pull = ab - ax.static, h[..., None]
+        force = 0.25 * (pull * waves**2 + 3.0 * ax.waves.stiff * waves**4) * apart**2
         tilts = self.tilt**2 / h * (1.0 - h / self.h_0) ** 2 / (2.0 * span)
-        moment = self.end_moment(span)
-        rests = rests - 0.75 * span[..., None] * self.stiff * waves**4 * ab**2 + moment * ab
         c = 0.5 * (ax.past[..., self.spans] + ax.past[..., self.ends])
-        ga = (self.gyro / span[..., None, None] @ self.get(y, "a")[..., None])[..., 0]
+        ga = (ax.waves.gyro / span[..., None, None] @ self.get(y, "a")[..., None])[..., 0]
         m = self.get(y, "m")[..., self.spans]
         momentum = (
             0.5
@@ -522,7 +655,7 @@ class Ale(Mesh):
             * m
             * (self.get(y, "p") * ga + c[..., None] * (waves * ab) ** 2).sum(axis=-1)
         )
-        return (t * bent + tilts - rests.sum(axis=-1) - c * momentum) / span
+        return ((t - h) * bent + tilts - c * momentum) / span + force.sum(axis=-1)
 
     def swings(self, y: Array, geo: Geometry) -> Array:
         """a' of the modes (..., n_p, K). [6]"""
@@ -669,18 +802,15 @@ class Ale(Mesh):
         contact = self.pressed(ax.sink) * m[..., arcs]
         # spans: what bending stores as H changes, integral of T dX, and the modes
         ab = a + self.offset(span)
-        h = ax.pressing[..., spans]
+        h, w = ax.pressing[..., spans], ax.waves
+        value, _ = self.held_by(w, h, span)
         u = np.log(np.clip(h, SLOPES[0] * self.h_0, SLOPES[1] * self.h_0))
-        x, _ = self.run_off(h, span)
-        stands = 0.25 * span * (waves**2 * ax.static**2).sum(axis=-1)
+        path = self.path_of(w, h, span, ab)[0]
         summed, _ = self._tabled(self.x_sum, u)
         summed = summed + self.tilt**2 / h * (1.0 - h / self.h_0) ** 2 / (2.0 * span)
-        # integral of stands dH is -(S/4) sum k^2 Q^2 ... / (H k^2 + EI k^4)
-        stiff = h[..., None] * waves**2 + self.stiff * waves**4
-        summed = summed + 0.25 * span * (ax.static**2 * stiff).sum(axis=-1)
-        bend = summed - h * (x - stands)
-        bend = bend + 0.25 * span * (self.stiff * waves**4 * ab**2).sum(axis=-1)
-        bend = bend - (self.end_moment(span) * ab).sum(axis=-1)
+        bend = summed - h * path + 0.25 * span * (value * (ab - ax.static) ** 2).sum(axis=-1)
+        angle = self.angles(w, h, ab)
+        bend = bend - h / 6.0 * (self.rolls_on() * angle**3).sum(axis=-2)
         arcs_bent = (self.bending(m, geo) * m).sum(axis=-1)
         mass = 0.5 * rho * (m + m[..., self.before])
         kinetic = 0.5 * (mass * v**2).sum(axis=-1)
@@ -698,10 +828,10 @@ class Ale(Mesh):
         kinetic = kinetic + 0.5 * (
             rho * m_s * np.einsum("...ik,ij,...jk->...k", both, rest, both)
         ).sum(axis=-1)
-        gyro = self.gyro / span[..., None, None]
+        gyro = w.gyro / span[..., None, None]
         ga = (gyro @ a[..., None])[..., 0]
         c = 0.5 * (ax.past[..., spans] + ax.past[..., self.ends])[..., None]
-        lateral = (p + c * ga) ** 2
+        lateral = (p + c * ga) ** 2 + (1.0 / w.eased - 1.0) * self.swings(y, geo) ** 2
         if self.reaction:
             lateral = lateral + c**2 * ((waves * ab) ** 2 - ga**2)
         lateral = 0.25 * rho * m_s * lateral.sum(axis=-1)

@@ -102,6 +102,7 @@ class Mesh:
     path_bends: bool = True
     clamped: bool = True
     held: Array | None = None  # W of the step, if it is frozen
+    waves: Any = None  # and what waves are in it
 
     def __post_init__(self) -> None:
         put = lambda name, value: object.__setattr__(self, name, value)  # noqa: E731
@@ -239,23 +240,25 @@ class Mesh:
             x = -(ends + np.roll(ends, -1, axis=1))
         put("x_of", CubicSpline(np.log(h), x))
         put("x_sum", CubicSpline(np.log(h), x * h[:, None]).antiderivative())
-        # waves end in the wraps, clamped l beyond the tangent point: their own length of a span
-        length = self.geometry(0.0, self.pack(q=self.q_0)).span[:, None]
-        reach = math.sqrt(self.bending_stiffness / self.h_0)
-        straight = self.modes * math.pi / length
-        wave = straight
-        for _ in range(60):
-            ends = np.arctan(wave * reach / np.sqrt(1.0 + (wave * reach) ** 2))
-            wave = (self.modes * math.pi + 2.0 * ends) / (length + 2.0 * reach)
-        stiff = self.h_0 * (wave**2 - straight**2) + self.bending_stiffness * wave**4
-        put("stiff", stiff / straight**4 if self.clamped else self.bending_stiffness)
-        put("driven", np.ones_like(wave))
-        if self.clamped and reach > 0.0:  # by what is bent to e^(-x/l)/R there, of their own mass
-            u2 = (wave * reach) ** 2
-            root, both = np.sqrt(1.0 + u2), 1.0 + 2.0 * u2
-            works = 2.0 * (root - 1.0) * np.sqrt(both) / (root**2 * u2) * wave / straight
-            mass = 1.0 + 2.0 * reach / length * (1.0 - root / both + u2 / (both * root))
-            put("driven", works * (1.0 + self.stiff * straight**2 / self.h_0) / np.sqrt(mass))
+        # where waves rest, over d(1/H) a cubic of l = (EI/H)^(1/2) through four values
+        ei, length = self.bending_stiffness, self.geometry(0.0, self.pack(q=self.q_0)).span
+        straight = self.modes * math.pi / length[:, None]
+        places = math.sqrt(ei / self.h_0) * np.array([0.5, 1.0, 1.5, 2.0])
+        cubics = np.zeros((4, self.n_p, self.n_modes))
+        if ei > 0.0 and self.end_moments:
+            values = []
+            for reach in places:
+                h = ei / reach**2
+                of = self.clamped_waves(np.full(self.n_p, h), length)
+                share = (h * straight**2 / of.value) ** 2 * of.driven
+                values.append(
+                    2.0 * self.end_moment(length) / (length[:, None] * straight**2) * share
+                )
+            solved = np.linalg.solve(
+                np.vander(places, increasing=True), np.reshape(values, (4, -1))
+            )
+            cubics = solved.reshape(cubics.shape) * 2.0 / ei / np.arange(2, 6)[:, None, None]
+        put("bend", cubics)
         k = self.s * self.moment
         put("tilt", k - np.roll(k, -1))  # o H
 
@@ -306,10 +309,8 @@ class Mesh:
         put("sinks", np.stack((runs, np.roll(runs, -1))))
         # a span at rest
         forces, span = np.full(self.n_p, h), self.geometry(0.0, self.pack(q=self.q_0)).span
-        x, slope = self.run_off(forces, span)
-        waves = self.modes * math.pi / span[:, None]
-        stands, stiff = self.rest_modes(forces, span), h * waves**2 + self.stiff * waves**4
-        slope = slope + 0.5 * span * (waves**4 * stands**2 / stiff).sum(axis=-1)
+        waves = self.waves_of(forces, span)
+        x, slope = self.path_of(waves, forces, span, self.rest_modes(forces, span)[0])
         m = (span + x) / (1.0 + h / ea)
         share = m / ea / np.maximum(m / ea - slope, 0.1 * m / ea)
         own = self.axial_damping * share**2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -87,7 +88,7 @@ def lay(model: Ale, h: float, flow: float, q: Array) -> Array:
     lam = np.empty(model.n)
     lam[model.spans], lam[model.arcs] = stretch, low
     v = flow * 0.5 * (lam + lam[model.before])
-    a = model.rest_modes(force, geo.span) - model.offset(geo.span)
+    a = model.rest_modes(force, geo.span)[0] - model.offset(geo.span)
     return model.pack(m=m, v=v, a=a, q=q)
 
 
@@ -240,10 +241,13 @@ def run(
 
 
 def hold(model: Ale, y: Array) -> None:
-    """Freeze W of the ends of wraps as this state has it."""
+    """Freeze W of the ends of wraps as this state has it, and what waves are."""
+    geo = model.geometry(0.0, y)
     object.__setattr__(model, "held", None)
-    ax = model.axial(y, model.geometry(0.0, y))
+    ax = model.axial(y, geo)
+    waves = model.waves_of(ax.pressing[..., model.spans], geo.span)
     object.__setattr__(model, "held", ax.held)
+    object.__setattr__(model, "waves", dataclasses.replace(waves, rolled=ax.waves.rolled))
 
 
 def relaid(model: Ale, y: Array, before: Array, elapsed: float) -> Array:

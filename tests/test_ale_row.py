@@ -6,7 +6,6 @@ effects, linear systems, steps.
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import ale_reference_run as runs
@@ -102,8 +101,7 @@ def test_its_jacobian_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     params = flowing(scene().params, 40 if scene not in MOUNTED else 60)
     model = on_mesh_of(params)
     y, scale = displaced(model, speed, amplitude=0.01), runs.scales(model)
-    ax = model.axial(y, model.geometry(0.0, y))
-    model = dataclasses.replace(model, held=ax.held)
+    runs.hold(model, y)
     at = core_places(model, params)
     rows, columns, values = params._model.jacobian(state_of(model, y)._to_core(params))
     ours = np.zeros((at.size, at.size))

@@ -43,8 +43,10 @@ void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive) {
   BD_CARVE(carver, ale->arcs, drive->np);
   BD_CARVE(carver, ale->spans, drive->np);
   BD_CARVE(carver, tables, drive->np);
+  BD_KEEP(carver, ale->waves, drive->np);
   for (int i = 0; i < drive->np && carver->base; ++i) {
     ale->spans[i].table = &tables[i];
+    ale->spans[i].waves = &ale->waves[i];
   }
 #define X(name) carve_slots(carver, &ale->name, ale->slots);
   BD_ALE_SLOTS(X)
@@ -147,33 +149,121 @@ static void make_modes(bd_ale *ale) {
     ale->left_over[0] -= 0.5 * ale->parts[0][i] * ale->parts[0][i];
     ale->left_over[1] -= 0.5 * ale->parts[0][i] * ale->parts[1][i];
     ale->left_over[2] -= 0.5 * ale->parts[1][i] * ale->parts[1][i];
-    for (int k = 0; k < BD_ALE_MODES; ++k) {
-      const double r = k + 1;
-      ale->gyro[i][k] = (i + k) % 2 == 1 ? 4.0 * n * r / (n * n - r * r) : 0.0;
+  }
+}
+
+/* A wave of a span that ends in the wraps, clamped l beyond the tangent points: its number, its
+ * stiffness, which is H k^2 of a string, mass over that of a sine of the span's own length. */
+typedef struct clamped {
+  double wave, stiff, mass;
+} clamped;
+
+static clamped clamp(const bd_ale *ale, double H, double turns, double length, double guess) {
+  const double l = sqrt(ale->bending / H), whole = length + 2.0 * l;
+  double wave = guess, u2 = 0.0, root = 1.0;
+  for (double step = wave; fabs(step) > 1e-9 * wave; wave -= step) {
+    const double u = wave * l;
+    u2 = u * u;
+    root = sqrt(1.0 + u2);
+    step = (whole * wave - turns - 2.0 * atan(u / root)) /
+           (whole - 2.0 * l / ((1.0 + 2.0 * u2) * root));
+  }
+  u2 = wave * wave * l * l;
+  root = sqrt(1.0 + u2);
+  const double both = 1.0 + 2.0 * u2;
+  return (clamped){wave, (H + ale->bending * wave * wave) * wave * wave,
+                   1.0 + 2.0 * l / length * (1.0 - root / both + u2 / (both * root))};
+}
+
+/* Solves for the coefficients of a polynomial through values at places, in their place. */
+static void interpolate(int n, const double *place, double *value) {
+  for (int k = 1; k < n; ++k) { /* divided differences */
+    for (int i = n - 1; i >= k; --i) {
+      value[i] = (value[i] - value[i - 1]) / (place[i] - place[i - k]);
+    }
+  }
+  for (int k = n - 2; k >= 0; --k) {
+    for (int i = k; i < n - 1; ++i) {
+      value[i] -= place[k] * value[i + 1];
     }
   }
 }
 
-/* Waves of a span end in the wraps, clamped l beyond the tangent points: by their length the
- * bending stiffness that sine modes of its own length have to have. In the wraps the belt is bent
- * to exp(-x / l) / R, what H changes of that drives the waves. */
-static void stiffen_modes(const bd_ale *ale, bd_ale_span *span, double length) {
-  const double EI = ale->bending, H = ale->rest, reach = sqrt(EI / H);
+/* Constants of waves. In the wraps the belt is bent to exp(-x / l) / R, and what H changes of that
+ * moves where waves rest, by its projection on them: what moments at the tangent points would do,
+ * epsilon_n times that. Over d(1 / H) it is a cubic of l, whose integral A_n is. Without bending
+ * waves are sines. */
+static void fit_waves(const bd_ale *ale, bd_ale_span *span) {
+  static const double AT[BD_ALE_POWERS] = {0.5, 1.0, 1.5, 2.0}; /* of l under H0 */
+  bd_ale_waves *waves = span->waves;
+  const double S = span->length, EI = ale->bending;
+  *waves = (bd_ale_waves){.pressing = ale->rest};
   for (int n = 0; n < BD_ALE_MODES; ++n) {
-    const double turns = (n + 1) * BD_PI, straight = turns / length;
-    double wave = straight;
-    for (int k = 0; k < 60; ++k) {
-      const double u = wave * reach;
-      wave = (turns + 2.0 * atan(u / sqrt(1.0 + u * u))) / (length + 2.0 * reach);
+    const double turns = (n + 1) * BD_PI, k = span->wave[n] = turns / S, k2 = k * k;
+    const double moment =
+        0.5 * (k * span->curvature[0] + bd_ale_end_slope(span, 1, n) * span->curvature[1]);
+    double place[BD_ALE_POWERS], rate[BD_ALE_POWERS];
+    waves->number[n] = k;
+    waves->eased[n] = 1.0;
+    for (int r = 1 - n % 2; r < BD_ALE_MODES; r += 2) {
+      waves->gyro[n][r] = 4.0 * (n + 1) * (r + 1) / ((n + 1) * (n + 1) - (r + 1) * (r + 1));
     }
-    const double square = straight * straight;
-    span->stiff[n] = (H * (wave * wave - square) + EI * pow(wave, 4)) / (square * square);
-    span->driven[n] = 1.0;
+    for (int p = 0; p < BD_ALE_POWERS; ++p) {
+      rate[p] = 0.0;
+      if (EI > 0.0) {
+        const double H = ale->rest / (AT[p] * AT[p]);
+        const clamped at = clamp(ale, H, turns, S, k);
+        const double u2 = at.wave * at.wave * EI / H, root = sqrt(1.0 + u2);
+        const double works = 2.0 * (root - 1.0) * sqrt(1.0 + 2.0 * u2) / (root * root * u2);
+        const double driven = works * at.wave / k * at.stiff / (k2 * H) / sqrt(at.mass);
+        const double over = k * H / at.stiff * k;
+        place[p] = sqrt(EI / H);
+        rate[p] = driven * moment * over * over * 2.0 / (S * k2);
+      }
+    }
     if (EI > 0.0) {
-      const double u2 = wave * wave * reach * reach, root = sqrt(1.0 + u2), both = 1.0 + 2.0 * u2;
-      const double works = 2.0 * (root - 1.0) * sqrt(both) / (root * root * u2);
-      const double mass = 1.0 + 2.0 * reach / length * (1.0 - root / both + u2 / (both * root));
-      span->driven[n] = works * wave / straight * (1.0 + span->stiff[n] * square / H) / sqrt(mass);
+      interpolate(BD_ALE_POWERS, place, rate);
+    }
+    for (int p = 0; p < BD_ALE_POWERS; ++p) {
+      span->bend[p][n] = 2.0 / (p + 2) * rate[p];
+    }
+  }
+}
+
+/* Ends that turn draw the belt between them along; waves are coupled by their curvature where they
+ * are clamped. */
+void bd_ale_hold_waves(const bd_ale *ale, bd_ale_span *span, double pressing) {
+  bd_ale_waves *waves = span->waves;
+  const double EI = ale->bending, H = bd_at_least(pressing, BD_ALE_LEAST * ale->rest);
+  const double l2 = EI / H, l = sqrt(l2), S = span->length;
+  double bent[BD_ALE_MODES], stiff[BD_ALE_MODES];
+  bd_ale_baseline.path(ale, span, H); /* where they rest */
+  waves->pressing = H;
+  memset(waves->rest, 0, sizeof waves->rest);
+  memset(waves->lifts, 0, sizeof waves->lifts);
+  for (int n = 0; n < BD_ALE_MODES && EI > 0.0; ++n) {
+    const double k = span->wave[n], k2 = k * k;
+    const clamped at = clamp(ale, H, (n + 1) * BD_PI, S, waves->number[n]);
+    const double wave = at.wave, u2 = wave * wave * l2;
+    const double free = 1.0 - 1.0 / ((1.0 + 2.0 * u2) * sqrt(1.0 + u2));
+    const double by_H = wave * l * free / (S + 2.0 * l * free) / H;
+    const double rises = (wave + (2.0 * H + 4.0 * EI * wave * wave) * by_H) * wave / k2;
+    const double first = 0.5 * EI / H * k * span->curvature[0],
+                 last = 0.5 * EI / H * bd_ale_end_slope(span, 1, n) * span->curvature[1];
+    stiff[n] = at.stiff;
+    bent[n] = wave * sqrt((1.0 + 2.0 * u2) / at.mass) / l;
+    waves->number[n] = wave;
+    waves->stiff[n] = (at.stiff / k2 - H) / k2;
+    waves->rises[n] = rises - 1.0;
+    waves->eased[n] = 1.0 / (1.0 + 2.0 / 3.0 * (first * first - first * last + last * last));
+    for (int end = 0; end < 2; ++end) {
+      waves->rest[end] += bd_ale_end_slope(span, end, n) * span->rest[n];
+      waves->lifts[end] += bd_ale_end_slope(span, end, n) * span->falls[n];
+    }
+  }
+  for (int n = 0; n < BD_ALE_MODES && EI > 0.0; ++n) {
+    for (int r = 1 - n % 2; r < BD_ALE_MODES; r += 2) {
+      waves->gyro[n][r] = 4.0 * EI * bent[n] * bent[r] / (stiff[n] - stiff[r]);
     }
   }
 }
@@ -311,7 +401,8 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
     const double *a = from->axis.c, *b = to->axis.c;
     const double rises = from->side * from->line_radius - to->side * to->line_radius;
     const double apart = hypot(b[0] - a[0], b[1] - a[1]);
-    stiffen_modes(ale, span, sqrt(apart * apart - rises * rises));
+    span->length = sqrt(apart * apart - rises * rises);
+    fit_waves(ale, span);
     for (int end = 0; end < 2; ++end) {
       const bd_ale_pulley *on = &drive->pulleys[end == 0 ? i : from->next];
       double pressed;
@@ -322,6 +413,7 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
     span->rolls[0] = from->side * from->radius;
     span->rolls[1] = -to->side * to->radius;
     lay_table(ale, i, (bd_ale_table *)span->table);
+    bd_ale_hold_waves(ale, span, ale->rest);
   }
 }
 
@@ -330,10 +422,12 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
 void bd_ale_damp_spans(bd_ale *ale) {
   for (int i = 0; i < ale->np; ++i) {
     bd_ale_span *span = &ale->spans[i];
-    const bd_ale_run_off run = bd_ale_baseline.run_off(ale, span, ale->rest);
-    const double stretches = (span->length + run.x) / (ale->axial + ale->rest);
-    const double share = stretches / fmax(stretches - run.slope, 0.1 * stretches);
-    span->at_rest = run.x - run.stands;
+    memcpy(span->slope, span->waves->rest, sizeof span->slope);
+    bd_ale_baseline.path(ale, span, ale->rest); /* where waves rest, and they rest there */
+    memcpy(span->ab, span->rest, sizeof span->ab);
+    const bd_ale_path path = bd_ale_baseline.path(ale, span, ale->rest);
+    const double stretches = (span->length + path.x) / (ale->axial + ale->rest);
+    const double share = stretches / fmax(stretches - path.slope, 0.1 * stretches);
     const double pressed = span->pressed * ale->axial / stretches; /* as H rises */
     span->axial_part = ale->axial_damping * share * share;
     span->damping = span->axial_part + pressed * share * share;
@@ -354,17 +448,19 @@ static double sum_of_x(const bd_ale *ale, const bd_ale_table *table, double h) {
   return table->sum[i] + s * (table->by_knot[i] + s * (0.5 * first + s * (b / 3.0 + 0.25 * s * c)));
 }
 
-/* What bending stores in a span as H changes, and in its modes. */
+/* What bending stores in a span as H changes, and in its waves. */
 static double bending_of_span(const bd_ale *ale, const bd_ale_span *span) {
   const double h = span->pressing, S = span->length, off = 1.0 - h / ale->rest;
   double sum = sum_of_x(ale, span->table, h) + span->tilt * span->tilt / h * off * off / (2.0 * S);
-  double modes = 0.0;
   for (int n = 0; n < BD_ALE_MODES; ++n) {
-    const double k2 = span->wave[n] * span->wave[n], ab = span->ab[n], a = span->rest[n];
-    sum += 0.25 * S * a * a * k2 * (h + span->stiff[n] * k2);
-    modes += 0.25 * S * span->stiff[n] * k2 * k2 * ab * ab - span->moment[n] * ab;
+    const double apart = span->ab[n] - span->rest[n], k2 = span->wave[n] * span->wave[n];
+    sum += 0.25 * S * k2 * (h + bd_ale_stiff(span, n, h)) * apart * apart;
   }
-  return sum - h * (span->path - span->bent) + modes;
+  for (int end = 0; end < 2; ++end) {
+    const double angle = span->lifted[end];
+    sum -= h * bd_ale_rolls_on(span, end) * angle * angle * angle / 6.0;
+  }
+  return sum - h * span->path;
 }
 
 static void energy_of_span(const bd_ale *ale, const bd_ale_state *y, int i, bd_ale_energy *sum) {
@@ -381,7 +477,10 @@ static void energy_of_span(const bd_ale *ale, const bd_ale_state *y, int i, bd_a
   for (int n = 0; n < BD_ALE_MODES; ++n) {
     const double p = y->p[i * BD_ALE_MODES + n] + c * span->ga[n];
     const double slope = span->wave[n] * span->ab[n];
-    sum->lateral += 0.25 * mass * (p * p + c * c * (slope * slope - span->ga[n] * span->ga[n]));
+    const double along = 1.0 / span->waves->eased[n] - 1.0;
+    sum->lateral += 0.25 * mass *
+                    (along * span->da[n] * span->da[n] + p * p +
+                     c * c * (slope * slope - span->ga[n] * span->ga[n]));
   }
 }
 
@@ -512,6 +611,31 @@ static void hang(bd_ale *ale, const bd_ale_state *y) {
   }
 }
 
+/* Modes of a span that hangs, whose ends have rolled as it turns them: X + E. */
+static double hang_span(const bd_ale *ale, bd_ale_span *span, double H, double stretch) {
+  memcpy(span->slope, span->waves->rest, sizeof span->slope);
+  bd_ale_baseline.path(ale, span, H); /* where waves rest */
+  double path = 0.0;
+  for (int turn = 0; turn < 20; ++turn) {
+    double turns[2];
+    for (int end = 0; end < 2; ++end) {
+      const double angle = turn > 0 ? span->lifted[end] : 0.0;
+      turns[end] = bd_ale_rolls_on(span, end) * angle * angle * H / span->length;
+      span->slope[end] = 0.0;
+    }
+    for (int n = 0; n < BD_ALE_MODES; ++n) {
+      const double first = bd_ale_end_slope(span, 0, n), last = bd_ale_end_slope(span, 1, n);
+      const double held = first * first * (H + bd_ale_stiff(span, n, H));
+      const double sags = 4.0 * ale->odd[n] * span->sag * ale->density / stretch;
+      span->ab[n] = span->rest[n] + (sags + turns[0] * first + turns[1] * last) / held;
+      span->slope[0] += first * span->ab[n];
+      span->slope[1] += last * span->ab[n];
+    }
+    path = bd_ale_baseline.path(ale, span, H).x;
+  }
+  return path;
+}
+
 double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state *y) {
   double length = 0.0;
   hang(ale, y);
@@ -523,7 +647,7 @@ double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state 
     const double H = pressing + ale->total[last], stretch = span_stretch(ale, H, flow);
     const double of_last =
         span_stretch(ale, pressing + ale->total[behind->begin + behind->n], flow);
-    double low = of_last, rho = arc->radius, bent = 0.0;
+    double low = of_last, rho = arc->radius;
     for (int k = arc->begin; k < last; ++k) {
       const double before = low;
       if (k == arc->begin || ale->total[k] != ale->total[k - 1]) {
@@ -535,17 +659,12 @@ double bd_ale_lay(bd_ale *ale, double pressing, double flow, const bd_ale_state 
       length += y->m[k];
     }
     y->v[last] = flow * 0.5 * (low + stretch);
-    const bd_ale_run_off run = bd_ale_baseline.run_off(ale, span, H);
+    bd_ale_hold_waves(ale, span, H);
+    y->m[last] = (span->length + hang_span(ale, span, H, stretch)) / stretch;
     for (int n = 0; n < BD_ALE_MODES; ++n) {
-      const double k2 = span->wave[n] * span->wave[n];
-      const double sags =
-          4.0 * ale->odd[n] * span->sag * ale->density / stretch / ((H + span->stiff[n] * k2) * k2);
-      const double ab = span->rest[n] + sags;
-      bent += 0.25 * span->length * k2 * ab * ab;
-      y->a[j * BD_ALE_MODES + n] = ab - span->offset[n];
+      y->a[j * BD_ALE_MODES + n] = span->ab[n] - span->offset[n];
       y->p[j * BD_ALE_MODES + n] = span->moved[n];
     }
-    y->m[last] = (span->length + run.x + bent - run.stands) / stretch;
     arc->axis.omega = arc->sense * flow * low / rho;
     length += y->m[last];
   }

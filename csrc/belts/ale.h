@@ -33,6 +33,8 @@ void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive);
 /* Fills what has been carved; dampers of spans, once axes are placed. */
 void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive);
 void bd_ale_damp_spans(bd_ale *ale);
+/* What waves of a span are under a force that presses it. */
+void bd_ale_hold_waves(const bd_ale *ale, bd_ale_span *span, double pressing);
 /* Arrays of a state, or of its rates, after one another: of so many numbers. */
 size_t bd_ale_state_size(const bd_ale_drive *drive, int states);
 bd_ale_state bd_ale_state_in(const bd_ale *ale, int states, double *block);
@@ -54,12 +56,13 @@ typedef struct bd_ale_losses {
   double axial, bending, friction;
 } bd_ale_losses;
 
-/* --- ale_ring.c, ale_jacobian.c ----------------------------------------------------------------- */
+/* --- ale_ring.c, ale_jacobian.c -----------------------------------------------------------------
+ */
 
-/* Where the entries of a row stand that begins a cell's, or is a node's: of a cell's in the columns of
- * the metres of the cell before it, its own, the next one, and of both its nodes; of a node's of both
- * cells, and of the node before it, itself, the next one; of a span's those beyond both its ends.
- * Columns are `lead` apart; its number among all unknowns. */
+/* Where the entries of a row stand that begins a cell's, or is a node's: of a cell's in the columns
+ * of the metres of the cell before it, its own, the next one, and of both its nodes; of a node's of
+ * both cells, and of the node before it, itself, the next one; of a span's those beyond both its
+ * ends. Columns are `lead` apart; its number among all unknowns. */
 typedef struct bd_ale_row {
   double *cells[3], *nodes[3];
   int lead, at;

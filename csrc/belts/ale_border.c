@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT
  *
- * The border of the Jacobian of an ALE belt: rows of torques on pulleys, and of the belt's forces on
- * axes that have a lever, by the ring's unknowns.
+ * The border of the Jacobian of an ALE belt: rows of torques on pulleys, and of the belt's forces
+ * on axes that have a lever, by the ring's unknowns.
  */
 #include <math.h>
 #include <string.h>
@@ -93,8 +93,8 @@ void bd_ale_push_by_arc(const filling *f, int j) {
     for (int e = 0; e < 2 * arc->states; ++e) {
       const int last = e >= arc->states, z = (e - last * arc->states) * f->newton->stride + slot;
       const double cut = (last ? ale->cut_b : ale->cut_a)[slot];
-      cell[1 + e] += along_lever(ale, j, node,
-                                 -by->total_z[last][z] * (end == 0 ? 1.0 - cut : cut), 0.0);
+      cell[1 + e] +=
+          along_lever(ale, j, node, -by->total_z[last][z] * (end == 0 ? 1.0 - cut : cut), 0.0);
     }
   }
 }

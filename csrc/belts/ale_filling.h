@@ -15,7 +15,8 @@ typedef struct filling {
 
 /* More of all that a span's rates depend on. */
 typedef struct span_move {
-  double m, past, pull, stretch, fills, total[2], losing[2], a[BD_ALE_MODES], p[BD_ALE_MODES];
+  double m, past, pull, stretch, pressing, fills, total[2], losing[2], lifted[2];
+  double a[BD_ALE_MODES], p[BD_ALE_MODES];
 } span_move;
 
 /* An unknown's number in one of the vectors beside the ring, of pulley j. */

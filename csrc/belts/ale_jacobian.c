@@ -30,7 +30,7 @@ static flow_slopes flow_by(const filling *f, int slot) {
 
 /* Stretch of a span by a mode, over that by its metres. */
 static double stretch_by_mode(const bd_ale_span *span, int n) {
-  return -0.5 * span->length * span->wave[n] * span->wave[n] * span->ab[n] / span->stretch;
+  return -span->draws[n] / span->stretch;
 }
 
 /* Rows of a cell's metres and states. What runs in is of the cell before it, or behind it. */
@@ -160,8 +160,7 @@ static void fill_beside(const filling *f, int i, int end) {
   double *const *const total = by->total[1 - end], *const to = row->cells[2 * end];
   const double fills = end == 0 ? flow_by(f, span).before : -flow_by(f, arc->begin).here;
   respond(f, i, to, fills, end, total[BD_ALE_M][cell]);
-  respond(f, i, row->nodes[2 * end], 0.0, end,
-          total[end == 0 ? BD_ALE_V : BD_ALE_V_AFTER][cell]);
+  respond(f, i, row->nodes[2 * end], 0.0, end, total[end == 0 ? BD_ALE_V : BD_ALE_V_AFTER][cell]);
   respond(f, i, beside(f, f->newton->column, j, row->at), 0.0, end, total[BD_ALE_RIM][cell]);
   respond(f, i, beside(f, f->newton->shear_column, 2 * i + end, row->at), 0.0, end,
           total[BD_ALE_SHEAR][cell]);
@@ -184,19 +183,30 @@ static void fill_stretch(const filling *f, int i) {
 }
 
 /* The shear of an end, H (1 - s R / e times the angle by which waves lift it). */
-static double shear_by(const bd_ale *ale, int i, int end, const span_move *by, double pressing) {
+static double shear_by(const bd_ale *ale, int i, int end, const span_move *by) {
   const bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
   const double roll = ale->roll[end == 0 ? arc->begin + arc->n - 1 : ale->arcs[arc->next].begin];
-  const double least = BD_ALE_LEAST * ale->rest, moves = span->pressing > least ? pressing : 0.0;
-  double lifted = 0.0;
-  for (int n = 0; n < BD_ALE_MODES; ++n) {
-    const double k = span->wave[n], stiff = span->pressing + span->stiff[n] * k * k;
-    const double slope = k * (by->a[n] + (moves != 0.0 ? span->rest[n] * moves / stiff : 0.0));
-    lifted += end == 0 || n % 2 == 0 ? slope : -slope;
+  const double least = BD_ALE_LEAST * ale->rest,
+               moves = span->pressing > least ? by->pressing : 0.0;
+  return moves * (1.0 - roll * (span->lifted[end] - span->waves->rolled[end])) -
+         bd_at_least(span->pressing, least) * roll * by->lifted[end];
+}
+
+/* What the rate at which waves draw a span out goes by with a mode, under one force. */
+static double drawn_by_mode(const bd_ale_span *span, int n) {
+  double by = 0.5 * span->length * span->wave[n] * span->wave[n] * (1.0 + span->waves->rises[n]) *
+              span->da[n];
+  for (int end = 0; end < 2; ++end) {
+    double turns = 0.0;
+    for (int r = 0; r < BD_ALE_MODES; ++r) {
+      turns += bd_ale_end_slope(span, end, r) * span->da[r];
+    }
+    by -= bd_ale_rolls_on(span, end) *
+          (span->lifted[end] + span->pressing * span->waves->lifts[end]) *
+          bd_ale_end_slope(span, end, n) * turns;
   }
-  return moves * (1.0 - roll * span->lifted[end]) -
-         bd_at_least(span->pressing, least) * roll * lifted;
+  return by;
 }
 
 /* As column c. */
@@ -206,9 +216,11 @@ static void put_move(bd_ale_moves *moves, int c, const span_move *by) {
   moves->pull[c] = by->pull;
   moves->stretch[c] = by->stretch;
   moves->fills[c] = by->fills;
+  moves->pressing[c] = by->pressing;
   for (int end = 0; end < 2; ++end) {
     moves->total[end][c] = by->total[end];
     moves->losing[end][c] = by->losing[end];
+    moves->lifted[end][c] = by->lifted[end];
   }
   for (int n = 0; n < BD_ALE_MODES; ++n) {
     moves->a[n][c] = by->a[n];
@@ -250,11 +262,11 @@ static void fill_span(const filling *f, const bd_ale_kernels *kernels, int i) {
     } else if (c < 3 + K) {
       by.a[n] = 1.0;
       elastic = -span->stretch * span->per_slope * stretch_by_mode(span, n);
-      damping = damped * 0.5 * span->length * span->wave[n] * span->wave[n] * span->da[n];
+      damping = damped * drawn_by_mode(span, n);
     } else {
       by.p[n] = 1.0;
       to[3 + n] = 1.0;
-      damping = damped * bd_ale_draws(span, n);
+      damping = damped * span->draws[n];
     }
     by.pull = elastic + damping;
     by.stretch = elastic / EA;
@@ -262,6 +274,11 @@ static void fill_span(const filling *f, const bd_ale_kernels *kernels, int i) {
     const double thrown = ale->density * span->past / span->stretch;
     const double pressing =
         elastic + thrown * span->past / span->stretch * by.stretch - 2.0 * thrown * by.past;
+    by.pressing = pressing;
+    for (int end = 0; end < 2; ++end) {
+      by.lifted[end] = span->waves->lifts[end] * pressing +
+                       (c >= 3 && c < 3 + K ? bd_ale_end_slope(span, end, n) : 0.0);
+    }
     const double rises = span->pressing > BD_ALE_LEAST * ale->rest ? 0.5 / span->pressing : 0.0;
     for (int end = 0; end < 2; ++end) {
       const int node = nodes[end];
@@ -276,7 +293,7 @@ static void fill_span(const filling *f, const bd_ale_kernels *kernels, int i) {
       }
       by.total[end] = sign * by.pull - carries + (c == 0 ? half * by_mass(f, node) : 0.0) -
                       by.losing[end] - bends[end] + own * of_v[end];
-      f->newton->shear_row[2 * i + end][c] = shear_by(ale, i, end, &by, pressing);
+      f->newton->shear_row[2 * i + end][c] = shear_by(ale, i, end, &by);
       by.fills += sign * per * (own - 0.5 * ale->flow[node] * by.stretch);
     }
     put_move(f->newton->moves, c, &by);

@@ -127,12 +127,10 @@ static void place_row(const bd_ale_newton *newton, bd_ale_row *row, const int of
   for (int k = 0; k < 3; ++k) {
     const int c = cells[k], n = nodes[k];
     if (c >= 0) {
-      row->cells[k] =
-          entry_at(newton, of, (int[2]){newton->cell_block[c], newton->cell_at[c]});
+      row->cells[k] = entry_at(newton, of, (int[2]){newton->cell_block[c], newton->cell_at[c]});
     }
     if (n >= 0) {
-      row->nodes[k] =
-          entry_at(newton, of, (int[2]){newton->node_block[n], newton->node_at[n]});
+      row->nodes[k] = entry_at(newton, of, (int[2]){newton->node_block[n], newton->node_at[n]});
     }
   }
 }
@@ -150,8 +148,7 @@ static void place_rows(const bd_ale_newton *newton, const bd_ale_drive *drive) {
       place_row(newton, &newton->cells[slot], cell,
                 (int[3]){k > 0 ? slot - 1 : before, slot, is_span ? next : slot + 1},
                 is_span ? (int[3]){slot - 1, -1, next + 1} : (int[3]){slot, slot + 1, -1});
-      place_row(newton, &newton->nodes[slot], node,
-                (int[3]){k > 0 ? slot - 1 : -1, slot, -1},
+      place_row(newton, &newton->nodes[slot], node, (int[3]){k > 0 ? slot - 1 : -1, slot, -1},
                 k > 0 && !is_span ? (int[3]){slot - 1, slot, slot + 1} : (int[3]){-1, -1, -1});
     }
   }

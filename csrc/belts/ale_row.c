@@ -198,8 +198,8 @@ static void weigh(const bd_model *model, double *weights) {
 
 /* --- states in and out ------------------------------------------------------------------------ */
 
-/* A field of a state vector and its slabs: an arc and the span behind it stand together in both, but
- * for the first span, which begins the vector. */
+/* A field of a state vector and its slabs: an arc and the span behind it stand together in both,
+ * but for the first span, which begins the vector. */
 static void copy_field(const bd_ale *ale, double *restrict y, double *restrict slab, int into) {
   const bd_ale_arc *first = &ale->arcs[0];
   const int span = first->begin + first->n;
@@ -232,8 +232,8 @@ static void copy(const bd_plan *plan, double *y, const bd_ale_state *slabs, int 
   copy_field(ale, bd_field(lay, y, F_M), slabs->m, into);
   copy_field(ale, bd_field(lay, y, F_V), slabs->v, into);
   for (int k = 0; k < lay->slots * states; ++k) {
-    copy_field(ale, bd_field(lay, y, F_MU + k),
-               slabs->z[k / states] + k % states * slabs->stride, into);
+    copy_field(ale, bd_field(lay, y, F_MU + k), slabs->z[k / states] + k % states * slabs->stride,
+               into);
   }
   memcpy(into ? slabs->a : y + lay->a, into ? y + lay->a : slabs->a, modes);
   memcpy(into ? slabs->p : y + lay->p, into ? y + lay->p : slabs->p, modes);
@@ -370,14 +370,25 @@ static void carry(const bd_plan *plan, double *dy) {
 
 /* --- between steps ---------------------------------------------------------------------------- */
 
+/* The ends of wraps and waves, by H as it is now. */
+static void renew(bd_ale_belt *belt, const bd_ale_state *y) {
+  belt->kernels->freeze(&belt->ale, y);
+  for (int i = 0; i < belt->ale.np; ++i) {
+    bd_ale_hold_waves(&belt->ale, &belt->ale.spans[i], belt->ale.spans[i].pressing);
+  }
+}
+
 /* W of a state that no step has led to. */
 static void list(bd_plan *plan, const double *y, double h) {
+  static const int TURNS = 6; /* H goes with what waves are by 1e-3 */
   plan->ale->ale.elapsed = h;
   if (isinf(plan->search.travelled)) {
     bd_mounts_put(plan, y);
-    bd_ale_evaluate(plan, y);
-    plan->ale->kernels->freeze(&plan->ale->ale, NULL);
-    plan->ale->known = 0;
+    for (int turn = 0; turn < TURNS; ++turn) {
+      bd_ale_evaluate(plan, y);
+      renew(plan->ale, NULL);
+      plan->ale->known = 0;
+    }
     plan->search.travelled = 0.0;
   }
 }
@@ -501,7 +512,7 @@ static int after_step(bd_plan *plan, double t, double *y, double tolerance, int 
   }
   belt->kernels->stretch(&belt->ale, &belt->y);
   BD_TRY(check_limits(plan, t, err));
-  belt->kernels->freeze(&belt->ale, &belt->y);
+  renew(belt, &belt->y);
   belt->known = 0;
   bound_states(plan, tolerance, changed);
   note_changes(plan, y);

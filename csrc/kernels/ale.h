@@ -19,7 +19,12 @@
 /* Sine modes of a span: with 4 the lowest frequency of a running one is right to 0.2 % and the
  * second to 0.4 % at half the waves' speed, with 2 to 1.3 % and not at all (MODEL section 11.10).
  * Knots of a table; unknowns of a block at most. */
-enum { BD_ALE_MODES = 4, BD_ALE_KNOTS = 100, BD_ALE_BLOCK = 3 + 4 * BD_MAX_ELEMENTS };
+enum {
+  BD_ALE_MODES = 4,
+  BD_ALE_POWERS = 4,
+  BD_ALE_KNOTS = 100,
+  BD_ALE_BLOCK = 3 + 4 * BD_MAX_ELEMENTS
+};
 
 /* X(H) of a span, without its part of 1/S, over log H: a cubic spline by values and slopes times
  * the knots' distance; and its integral over H, by which energy is known. */
@@ -56,15 +61,24 @@ typedef struct bd_ale_arc {
   double force[2], inertia;
 } bd_ale_arc;
 
+/* What waves of a span are at the end of the last step: clamped in the wraps they have wave numbers
+ * of their own. H; of both ends the angle by which their pressure has rolled on with waves, that at
+ * rest, and by how much waves lift them more as H rises. Of modes wave number, EI_n, by how much
+ * more than as k^2 their stiffness goes with H, 1 / (1 + mu_n), gyroscopic coupling. */
+typedef struct bd_ale_waves {
+  double pressing, rolled[2], rest[2], lifts[2];
+  double number[BD_ALE_MODES], stiff[BD_ALE_MODES], rises[BD_ALE_MODES], eased[BD_ALE_MODES];
+  double gyro[BD_ALE_MODES][BD_ALE_MODES];
+} bd_ale_waves;
+
 /* From pulley i, by whose number it goes, to the next one. */
 typedef struct bd_ale_span {
+  bd_ale_waves *waves;
   /* constant */
   double curvature[2]; /* s / R of both pulleys */
   double tilt;         /* o H: by how much their offsets of the line differ, times H */
   double raised;       /* the same of the offsets that geometry has */
-  /* EI as the modes have it, whose waves end clamped in the wraps; by how much bending there
-   * drives them more than moments at their ends would */
-  double stiff[BD_ALE_MODES], driven[BD_ALE_MODES];
+  double bend[BD_ALE_POWERS][BD_ALE_MODES]; /* A_n by powers of sqrt(EI / H), from its square on */
   const bd_ale_table *table;
   double damping, axial_part, pressed; /* along it; of contact, over the rate of H */
   /* of both ends: contact dampers, by the speed at which belt runs on or off; s R by which that
@@ -74,16 +88,18 @@ typedef struct bd_ale_span {
   double placed[2][4]; /* for centers and speeds of both axes; whether those were others before */
   int is_new;
   double length, e[2], n[2], turning, length_rate;
-  double wave[BD_ALE_MODES], moment[BD_ALE_MODES], offset[BD_ALE_MODES], moved[BD_ALE_MODES];
-  double leans[BD_ALE_MODES]; /* A_n by what resists, 2 Q_n / S k_n^2 */
+  double wave[BD_ALE_MODES], offset[BD_ALE_MODES], moved[BD_ALE_MODES];
   double sag; /* g.n */
-  /* tension: flow past the mesh, force, H, stretch, what modes have of it, X + E, its slope by H,
-   * 1 / (dT of what is left over), the slope of that slope; the rate at which ends and waves draw it
-   * out, and the damper's force; X + E of H0 without waves, at rest */
-  double past, elastic, pressing, stretch, bent, path, by_pressing, per_slope, bends, drawn, damped;
-  double at_rest;
-  double rest[BD_ALE_MODES], falls[BD_ALE_MODES]; /* A_n; by how much of it that falls with H */
-  double lifted[2];          /* by waves, the angle at both ends */
+  /* tension: flow past the mesh, force, H, stretch, the path that sines of these slopes are, X + E,
+   * its slope by H, 1 / (dT of what is left over), the slope of that slope; the rate at which ends
+   * and waves draw it out, that at which waves do but for the path of sines, the damper's force */
+  double past, elastic, pressing, stretch, bent, path, by_pressing, per_slope, bends, drawn, turns;
+  double damped;
+  /* A_n, by how much that falls with H, (S / 2) lambda_n A_n; by how much they draw the span out,
+   * and moments of ends that roll */
+  double rest[BD_ALE_MODES], falls[BD_ALE_MODES], pushed[BD_ALE_MODES], draws[BD_ALE_MODES];
+  double turned[BD_ALE_MODES];
+  double slope[2], lifted[2]; /* of waves, and by waves, the angle at both ends */
   /* momentum: a', G a, G a', a + b, p~', without what m' and c' do, and sums of theirs; c' */
   double da[BD_ALE_MODES], ga[BD_ALE_MODES], gda[BD_ALE_MODES], ab[BD_ALE_MODES], dp[BD_ALE_MODES];
   double forced[BD_ALE_MODES];
@@ -99,14 +115,16 @@ typedef struct bd_ale_span {
  * else 0; in a step what W at both ends of what lies on the pulley of a cell has of the end of the
  * wrap, s R / e of that, these ends as fractions of it (0 and 1 if nothing does), 1 if something
  * lies there, else 0. Of nodes: t, Omega, V.n; w, c;
- * J, 1 / lambda; what moves them, 1 / their mass. Of cells: 1 / m, 1 / rho, d, lambda, T without damping and with it, H, energy of
- * bending less that of contact per metre, the shear by which the end of the wrap loads it. Of both
- * ends of cells friction, F (u' - u) along t and n, what both lose as the path between them grows
- * longer, and for that by their rates; after a rate the part of that. */
+ * J, 1 / lambda; what moves them, 1 / their mass. Of cells: 1 / m, 1 / rho, d, lambda, T without
+ * damping and with it, H, energy of bending less that of contact per metre, the shear by which the
+ * end of the wrap loads it. Of both ends of cells friction, F (u' - u) along t and n, what both
+ * lose as the path between them grows longer, and for that by their rates; after a rate the part of
+ * that. */
 #define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(end_a) X(end_b) X(roll) X(cut_a) X(cut_b) X(lies)
 #define BD_ALE_AT_NODES(X) X(tx) X(ty) X(turn) X(across) X(slid) X(past)
 #define BD_ALE_THROUGH_NODES(X) X(flow) X(per_stretch) X(total) X(per_mass)
-#define BD_ALE_OF_CELLS(X) X(per_m) X(per_rho) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent) X(shear)
+#define BD_ALE_OF_CELLS(X)                                                                         \
+  X(per_m) X(per_rho) X(sink) X(stretch) X(elastic) X(tension) X(pressing) X(bent) X(shear)
 #define BD_ALE_AT_ENDS(X) X(force_a) X(force_b) X(carried_t) X(carried_n) X(slows) X(lags)
 #define BD_ALE_SLOTS(X)                                                                            \
   BD_ALE_FIXED(X)                                                                                  \
@@ -121,10 +139,11 @@ typedef struct bd_ale {
   double elapsed; /* in the step, at whose end ends of wraps are renewed */
   int moving;     /* axes do, or may: geometry is laid anew, and forces on these are known */
   int everywhere; /* forces on all axes are wanted */
-  double gyro[BD_ALE_MODES][BD_ALE_MODES], odd[BD_ALE_MODES], parts[2][BD_ALE_MODES];
+  double odd[BD_ALE_MODES], parts[2][BD_ALE_MODES];
   double left_over[3]; /* of a span's consistent mass what its modes do not carry */
   bd_ale_arc *arcs;
   bd_ale_span *spans;
+  bd_ale_waves *waves; /* by span */
 #define X(name) double *name;
   BD_ALE_SLOTS(X)
 #undef X
@@ -156,6 +175,7 @@ enum { BD_ALE_FIRST = BD_ALE_OF_SPAN, BD_ALE_LAST, BD_ALE_FILLS, BD_ALE_MOVES = 
 typedef struct bd_ale_moves {
   double m[BD_ALE_MOVES], past[BD_ALE_MOVES], pull[BD_ALE_MOVES], stretch[BD_ALE_MOVES];
   double fills[BD_ALE_MOVES], total[2][BD_ALE_MOVES], losing[2][BD_ALE_MOVES];
+  double pressing[BD_ALE_MOVES], lifted[2][BD_ALE_MOVES];
   double a[BD_ALE_MODES][BD_ALE_MOVES], p[BD_ALE_MODES][BD_ALE_MOVES];
 } bd_ale_moves;
 
@@ -163,9 +183,10 @@ typedef struct bd_ale_answers {
   double v[2][BD_ALE_MOVES], p[BD_ALE_MODES][BD_ALE_MOVES];
 } bd_ale_answers;
 
-/* A block of unknowns, whether it has four and those behind and ahead have: of the Jacobian what couples it to the block behind, to itself, to the one
- * ahead, by columns, the rows of each in fours; of its elimination D^-1, by it what couples it to
- * both neighbours and to the last block, and what that one has of it (ale_blocks.h). */
+/* A block of unknowns, whether it has four and those behind and ahead have: of the Jacobian what
+ * couples it to the block behind, to itself, to the one ahead, by columns, the rows of each in
+ * fours; of its elimination D^-1, by it what couples it to both neighbours and to the last block,
+ * and what that one has of it (ale_blocks.h). */
 typedef struct bd_ale_block {
   int n, lead, at; /* unknowns; rows of a column; the first of them */
   int usual[2];
@@ -183,11 +204,11 @@ typedef struct bd_ale_ring {
   double *lanes;          /* unknowns of BD_LANES right-hand sides */
 } bd_ale_ring;
 
-/* X(H) of a span and the stretch of its resting modes, (S/4) sum k^2 A^2; the slope of X less that
- * stretch, and of that slope. */
-typedef struct bd_ale_run_off {
-  double x, stands, slope, bends;
-} bd_ale_run_off;
+/* X + E of a span, its slope by H, and the slope of that, but for what is nothing where waves
+ * rest. */
+typedef struct bd_ale_path {
+  double x, slope, bends;
+} bd_ale_path;
 
 typedef struct bd_ale_kernels {
   /* In this order. Axes into geometry; tension and flow; what of the normal force acts at the ends
@@ -199,8 +220,8 @@ typedef struct bd_ale_kernels {
   void (*freeze)(bd_ale *ale, const bd_ale_state *y);
   void (*rub[BD_N_LAWS])(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy);
   void (*move)(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy);
-  /* Also, of each mode, A, and by how much of it that falls with H. */
-  bd_ale_run_off (*run_off)(const bd_ale *ale, bd_ale_span *span, double h);
+  /* Of a span whose waves are known; and where they rest, angles of its ends. */
+  bd_ale_path (*path)(const bd_ale *ale, bd_ale_span *span, double h);
   /* After a rate: derivatives of an arc [law], of a span. 1 - g J: its factors, solutions. */
   void (*slopes[BD_N_LAWS])(const bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy,
                             const bd_ale_slopes *out);
@@ -251,15 +272,27 @@ static inline double bd_ale_pressed(const bd_ale *ale, double depth) {
   return ale->quadratic * sunk * sunk * sunk / 3.0 + 0.5 * ale->linear * depth * depth;
 }
 
-/* By how much a mode draws its span out. */
-static inline double bd_ale_draws(const bd_ale_span *span, int n) {
-  return 0.5 * span->length * span->wave[n] * span->wave[n] * span->ab[n];
+/* lambda_n / k^2 less the force that presses the span. */
+static inline double bd_ale_stiff(const bd_ale_span *span, int n, double pressing) {
+  const bd_ale_waves *waves = span->waves;
+  return waves->rises[n] * (pressing - waves->pressing) +
+         waves->stiff[n] * span->wave[n] * span->wave[n];
+}
+
+/* By a mode the angle at an end, positive where belt is lifted. */
+static inline double bd_ale_end_slope(const bd_ale_span *span, int end, int n) {
+  return end == 0 || n % 2 == 0 ? span->wave[n] : -span->wave[n];
+}
+
+/* s R at an end. */
+static inline double bd_ale_rolls_on(const bd_ale_span *span, int end) {
+  return end == 0 ? span->rolls[0] : -span->rolls[1];
 }
 
 /* By how much the speed at which belt runs off a span's pulley (end 0), or on, goes with the rate
  * of mode n: as a wave turns the span there it rolls on the pulley. */
 static inline double bd_ale_rolls(const bd_ale_span *span, int end, int n) {
-  return span->rolls[end] * (end == 0 || n % 2 == 0 ? span->wave[n] : -span->wave[n]);
+  return span->rolls[end] * bd_ale_end_slope(span, end, n);
 }
 
 #endif

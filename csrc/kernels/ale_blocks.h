@@ -384,7 +384,8 @@ static void factor(const bd_ale_ring *ring) {
   invert(last->n, last->lead, last->inverse);
 }
 
-/* --- solutions ---------------------------------------------------------------------------------- */
+/* --- solutions ----------------------------------------------------------------------------------
+ */
 
 /* On the way to the middle D^-1 of what stands in a block and what is known of the neighbours on
  * these sides, on the way back from it the last block and those, which are added. */

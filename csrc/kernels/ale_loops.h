@@ -26,7 +26,7 @@
 const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL) = {
     .place = place,
     .stretch = stretch,
-    .run_off = run_off,
+    .path = path,
     .freeze = freeze,
     .rub = {rub_NONE, BD_LAWS(ALE_RUB)},
     .move = move,

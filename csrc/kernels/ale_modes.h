@@ -41,11 +41,19 @@ INLINE double sum_of_modes(modes a) {
   return all[0];
 }
 
+/* Of modes from n on lambda_n / k^2 less H. */
+INLINE modes stiff_at(const bd_ale_span *span, int n, double pressing) {
+  const bd_ale_waves *waves = span->waves;
+  const modes wave = modes_at(span->wave + n);
+  return (pressing - waves->pressing) * modes_at(waves->rises + n) +
+         modes_at(waves->stiff + n) * wave * wave;
+}
+
 /* Of modes from n on G S a, whose matrix is antisymmetric. */
-INLINE modes coupled(const bd_ale *ale, int n, const double *a) {
+INLINE modes coupled(const bd_ale_waves *waves, int n, const double *a) {
   modes sum = each(0.0);
   for (int r = 0; r < BD_ALE_MODES; ++r) {
-    sum = sum - a[r] * modes_at(ale->gyro[r] + n);
+    sum = sum - a[r] * modes_at(waves->gyro[r] + n);
   }
   return sum;
 }

@@ -31,22 +31,24 @@ INLINE void lose_at_ends(bd_ale *ale, int i) {
   }
 }
 
-/* As a span grows longer at this rate: by its length X less what the resting modes have, and what
- * its waves, which it spreads, have of momentum along it, over rhoA m / S. */
+/* As a span grows longer at this rate: by its length X + E, and what its waves, which it spreads,
+ * have of momentum along it, over rhoA m / S. */
 INLINE double spread(const bd_ale *ale, const bd_ale_span *span, double *waves) {
   const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
   const double o = span->tilt / H, o_0 = span->tilt / ale->rest, S = span->length;
-  modes stands = each(0.0), carry = stands;
+  modes bent = each(0.0), carry = bent;
   for (int n = 0; n < BD_ALE_MODES; n += MODES) {
     const modes wave = modes_at(span->wave + n), k2 = wave * wave;
-    const modes bends = modes_at(span->stiff + n) * k2, a = modes_at(span->rest + n);
-    const modes ab = modes_at(span->ab + n);
-    stands = stands + k2 * a * a * (1.0 - 4.0 * bends / (H + bends));
+    const modes bends = modes_at(span->waves->stiff + n) * k2, held = stiff_at(span, n, H) + H;
+    const modes ab = modes_at(span->ab + n), apart = ab - modes_at(span->rest + n);
+    const modes rises = modes_at(span->waves->rises + n) + 1.0;
+    bent = bent +
+           k2 * apart * (rises * apart + 2.0 * modes_at(span->falls + n) * (held + 2.0 * bends));
     carry = carry + (modes_at(span->da + n) + modes_at(span->moved + n)) * modes_at(span->ga + n) +
             2.0 * span->past * k2 * ab * ab;
   }
   *waves = sum_of_modes(carry);
-  return 0.5 * (o * o - o_0 * o_0) / (S * S) + 0.25 * sum_of_modes(stands);
+  return 0.5 * (o * o - o_0 * o_0) / (S * S) - 0.25 * sum_of_modes(bent);
 }
 
 /* What runs along a path that grows longer is slower: of the part of a span's that its nodes and
@@ -57,10 +59,11 @@ INLINE void lengthen(bd_ale *ale, bd_ale_span *span, double m, double fills, dou
   const double by_T = 1.0 + carried * c / (span->stretch * EA);
   double waves = 0.0;
   const double by_S = rate != 0.0 ? spread(ale, span, &waves) : 0.0;
-  const double draws = span->drawn - apart + rate * (1.0 + by_S - span->bent / S);
+  const double draws = span->drawn - apart + rate * (1.0 + by_S);
   span->carried = carried;
   span->per_path = by_H * by_T * span->per_slope;
-  const double grows = span->per_path * (draws - span->stretch * fills) + by_S * rate -
+  const double grows = span->per_path * (draws - span->stretch * fills) + span->turns +
+                       (by_S + span->bent / S) * rate -
                        ale->direction * span->turning * span->raised;
   span->first += carried * grows - 0.5 * ale->density * m * rate / S * waves;
   span->added -= 2.0 * carried * carried * by_H * (1.0 + by_H * by_T * span->per_slope);
@@ -72,18 +75,22 @@ INLINE void swing(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, in
   const int k = arc->begin + arc->n, at = i * BD_ALE_MODES;
   const double c = span->past, m = y->m[k], per_S = 1.0 / span->length;
   const double per_mp = span->stretch / ale->density, fills = dy->m[k] / m;
-  const double lifts = (span->elastic + span->damped) * per_mp - c * c, drives = 2.0 * per_mp * per_S;
+  const double lifts = (span->elastic + span->damped) * per_mp - c * c,
+               drives = 2.0 * per_mp * per_S;
   const double resists[2] = {span->losing[0] * span->rolls[0], span->losing[1] * span->rolls[1]};
   const double falls = 4.0 * span->sag + 8.0 * ale->direction * span->turning * c;
   modes first = each(0.0), added = first, lateral = first;
   for (int n = 0; n < BD_ALE_MODES; n += MODES) {
     const modes wave = modes_at(span->wave + n), k2 = wave * wave;
     const modes ab = modes_at(span->ab + n), da = modes_at(span->da + n), kappa = k2 * ab;
-    const modes ga = per_S * coupled(ale, n, y->a + at), gda = per_S * coupled(ale, n, span->da);
-    const modes bends = modes_at(span->stiff + n) * ab + ale->bending_damping * da;
+    const modes ga = per_S * coupled(span->waves, n, y->a + at),
+                gda = per_S * coupled(span->waves, n, span->da);
+    const modes bends = stiff_at(span, n, span->pressing) * ab + ale->bending_damping * k2 * da;
     const modes rolls = wave * (resists[0] + resists[1] * turned_at(n));
-    const modes forced = drives * (modes_at(span->moment + n) - rolls) - 2.0 * c * gda -
-                         lifts * kappa - per_mp * k2 * k2 * bends + falls * modes_at(ale->odd + n);
+    const modes driven = modes_at(span->pushed + n) + modes_at(span->turned + n) - rolls;
+    const modes forced = (drives * driven - 2.0 * c * gda - lifts * kappa - per_mp * k2 * bends +
+                          falls * modes_at(ale->odd + n)) *
+                         modes_at(span->waves->eased + n);
     const modes dp = forced - fills * (da + c * ga);
     modes_to(span->ga + n, ga);
     modes_to(span->gda + n, gda);
@@ -261,15 +268,14 @@ INLINE double shorten(const bd_ale *ale, const bd_ale_span *span, double m) {
   modes bears = each(0.0), momentum = bears;
   for (int n = 0; n < BD_ALE_MODES; n += MODES) {
     const modes wave = modes_at(span->wave + n), k2 = wave * wave;
-    const modes bends = modes_at(span->stiff + n) * k2 * k2, a = modes_at(span->rest + n);
-    const modes ab = modes_at(span->ab + n), square = ab * ab;
-    bears = bears + 0.25 * S * ((H * k2 - bends) * a * a + 3.0 * bends * square) -
-            modes_at(span->moment + n) * ab;
+    const modes bends = modes_at(span->waves->stiff + n) * k2, ab = modes_at(span->ab + n);
+    const modes apart = ab - modes_at(span->rest + n), square = ab * ab;
+    bears = bears + 0.25 * S * k2 * (H + 3.0 * bends) * apart * apart;
     momentum = momentum +
                (modes_at(span->da + n) + modes_at(span->moved + n)) * modes_at(span->ga + n) +
                c * k2 * square;
   }
-  const double pulls = (span->elastic + span->damped) * span->bent +
+  const double pulls = (span->elastic + span->damped - H) * span->bent +
                        span->tilt * span->tilt / H * off * off / (2.0 * S) + sum_of_modes(bears);
   return (pulls - 0.5 * ale->density * m * c * sum_of_modes(momentum)) / S;
 }

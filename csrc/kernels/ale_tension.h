@@ -41,8 +41,6 @@ INLINE void place_span(bd_ale *ale, int i) {
     span->wave[n] = wave;
     const double moment =
         0.5 * ale->bending * wave * (span->curvature[0] - sign * span->curvature[1]);
-    span->moment[n] = span->driven[n] * moment;
-    span->leans[n] = 2.0 * span->moment[n] / (length * wave * wave);
     span->offset[n] = moment / (0.5 * length * ale->rest * wave * wave);
     span->moved[n] = ale->parts[0][n] * first + ale->parts[1][n] * last;
   }
@@ -129,7 +127,8 @@ INLINE void close_state(const bd_ale *ale, const bd_ale_state *y) {
 /* Depth, stretch and force of an arc's cells, c1' d^2 + c2' d = (T lambda - rhoA w^2) / rho, rho =
  * R
  * - d + p0. With T lambda = EA lambda (lambda - 1) and lambda = rho q, q the angle over m, only
- * what w does is no square of d: the root of what it is to first order, and a step by that slope. */
+ * what w does is no square of d: the root of what it is to first order, and a step by that slope.
+ */
 INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   const double outside = arc->radius + arc->raised;
@@ -174,59 +173,98 @@ INLINE void stretch_cells(bd_ale *ale, const bd_ale_state *y, int j) {
   }
 }
 
-/* X(H) and what the resting modes have of a span. */
-INLINE bd_ale_run_off run_off_at(const bd_ale *ale, bd_ale_span *span, double h) {
+/* Of an end that waves turn by an angle, which goes with H by `by`: what it adds to the path as it
+ * rolls on its pulley. */
+INLINE void roll_on(const bd_ale_span *span, int end, double h, bd_ale_path *path) {
+  const double by = span->waves->lifts[end], half = 0.5 * bd_ale_rolls_on(span, end);
+  const double angle = span->lifted[end];
+  path->x -= half * angle * angle * ((1.0 / 3.0) * angle + h * by);
+  path->slope -= 2.0 * half * angle * by * (angle + h * by);
+  path->bends -= 2.0 * half * by * by * (3.0 * angle + h * by);
+}
+
+/* Of modes from n on where they rest, A, by how much that falls with H, and the slope of that; l^2
+ * and half of it over H, 0 where A is taken for a constant. */
+INLINE void rest_at(const bd_ale_span *span, int n, double l, double half, double per,
+                    modes rest[3]) {
+  modes value = each(0.0), by = value, again = value;
+  for (int k = BD_ALE_POWERS - 1; k >= 0; --k) { /* by log l */
+    const double power = k + 2;
+    const modes c = modes_at(span->bend[k] + n);
+    value = value * l + c;
+    by = by * l + power * c;
+    again = again * l + power * power * c;
+  }
+  rest[0] = value * (l * l);
+  rest[1] = by * half;
+  rest[2] = (0.5 * again + by) * (-half * per);
+}
+
+INLINE bd_ale_path path_at(const bd_ale *ale, bd_ale_span *span, double h) {
   const double least = BD_ALE_LEAST * ale->rest, most = BD_ALE_MOST * ale->rest;
   const double floored = bd_at_least(h, least), at = bd_at_most(floored, most), S = span->length;
   const double knot = log(BD_ALE_MOST / BD_ALE_LEAST) / (BD_ALE_KNOTS - 1), per = 1.0 / at;
-  const double per_knot = 1.0 / knot, per_S = 1.0 / S, counts = h > least ? 1.0 : 0.0;
-  double by, bends;
+  const double per_knot = 1.0 / knot, per_S = 1.0 / S, per_H = 1.0 / floored;
+  double slope, curves;
   const double x = bd_ale_cubic(span->table->value, span->table->slope, log(at / least) * per_knot,
-                                &by, &bends);
+                                &slope, &curves);
   const double o = span->tilt * per, o_0 = span->tilt / ale->rest, lies = o * o * per_S;
-  bd_ale_run_off run = {.x = x - 0.5 * (lies - o_0 * o_0 * per_S)};
+  bd_ale_path out = {.x = x - 0.5 * (lies - o_0 * o_0 * per_S)};
   if (at == h) {
-    run.slope = (by * per_knot + lies) * per;
-    run.bends = ((bends * per_knot - by) * per_knot - 3.0 * lies) * per * per;
+    out.slope = (slope * per_knot + lies) * per;
+    out.bends = ((curves * per_knot - slope) * per_knot - 3.0 * lies) * per * per;
   }
-  modes stands = each(0.0), falls = stands, bent = stands;
+  const double l = sqrt(ale->bending * per_H), half = h > least ? 0.5 * l * l * per_H : 0.0;
+  modes path = each(0.0), by = path, bends = path;
   for (int n = 0; n < BD_ALE_MODES; n += MODES) {
     const modes wave = modes_at(span->wave + n), k2 = wave * wave;
-    const modes per_stiff = 1.0 / (floored + modes_at(span->stiff + n) * k2);
-    const modes a = modes_at(span->leans + n) * per_stiff, square = k2 * a * a;
-    modes_to(span->rest + n, a);
-    modes_to(span->falls + n, counts * per_stiff);
-    stands = stands + square;
-    falls = falls + per_stiff * square;
-    bent = bent + per_stiff * per_stiff * square;
+    const modes rises = modes_at(span->waves->rises + n) + 1.0, held = stiff_at(span, n, h) + h;
+    modes rest[3];
+    rest_at(span, n, l, half, per_H, rest);
+    const modes apart = modes_at(span->ab + n) - rest[0], falls = rest[1];
+    modes_to(span->rest + n, rest[0]);
+    modes_to(span->falls + n, falls);
+    path = path + k2 * apart * (rises * apart + 2.0 * held * falls);
+    by = by + k2 * (falls * (2.0 * rises * apart + held * falls) + held * apart * rest[2]);
+    bends = bends + k2 * (rises * (falls * falls + apart * rest[2]) + held * falls * rest[2]);
   }
-  run.stands = 0.25 * S * sum_of_modes(stands);
-  run.slope += counts * 0.5 * S * sum_of_modes(falls);
-  run.bends -= counts * 1.5 * S * sum_of_modes(bent);
-  return run;
+  out.x += 0.25 * S * sum_of_modes(path);
+  out.slope += 0.5 * S * sum_of_modes(by);
+  out.bends += 1.5 * S * sum_of_modes(bends);
+  for (int end = 0; end < 2; ++end) {
+    const bd_ale_waves *waves = span->waves;
+    span->lifted[end] =
+        span->slope[end] - waves->rest[end] + waves->lifts[end] * (h - waves->pressing);
+    roll_on(span, end, h, &out);
+  }
+  return out;
 }
 
-static bd_ale_run_off run_off(const bd_ale *ale, bd_ale_span *span, double h) {
-  return run_off_at(ale, span, h);
+static bd_ale_path path(const bd_ale *ale, bd_ale_span *span, double h) {
+  return path_at(ale, span, h);
 }
 
-/* T of a span's cell, the root of m (1 + T / EA) = S + X(H) + E, from what X + E is at rest and by
+/* T of a span's cell, the root of m (1 + T / EA) = S + X(H) + E, from the H of the last step and by
  * steps of H0 / 2 at the most, for below it there are others. */
 INLINE void begin_span(bd_ale *ale, const bd_ale_state *y, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
-  modes square = each(0.0);
+  modes square = each(0.0), begins = square, ends = square;
   for (int n = 0; n < BD_ALE_MODES; n += MODES) {
     const modes ab = modes_at(y->a + i * BD_ALE_MODES + n) + modes_at(span->offset + n);
     const modes slope = modes_at(span->wave + n) * ab;
     modes_to(span->ab + n, ab);
     square = square + slope * slope;
+    begins = begins + slope;
+    ends = ends + turned_at(n) * slope;
   }
   span->past = 0.5 * (ale->past[k] + ale->past[after]);
   span->bent = 0.25 * span->length * sum_of_modes(square);
-  const double stretch = (span->length + span->at_rest + span->bent) / y->m[k];
-  span->elastic = bd_at_least(ale->axial * (stretch - 1.0), 0.25 * ale->rest);
+  span->slope[0] = sum_of_modes(begins);
+  span->slope[1] = sum_of_modes(ends);
+  span->elastic = bd_at_least(ale->axial * (span->length / y->m[k] - 1.0),
+                              span->waves->pressing + ale->density * span->past * span->past);
 }
 
 /* 1 / (dT of what is left over), by the slope of X + E; 0 where that is not to be trusted. */
@@ -241,13 +279,13 @@ INLINE int step_span(const bd_ale *ale, bd_ale_span *span, double m) {
   const double stretch = 1.0 + span->elastic / EA, thrown = momentum / stretch;
   const double by_T = 1.0 + thrown / (stretch * EA);
   span->pressing = span->elastic - thrown;
-  const bd_ale_run_off run = run_off_at(ale, span, span->pressing);
-  const double left = m * stretch - span->length - (run.x + span->bent - run.stands);
-  const double per_slope = per_slope_of(ale, m, run.slope, by_T);
-  span->by_pressing = run.slope;
-  span->bends = run.bends;
+  const bd_ale_path at = path_at(ale, span, span->pressing);
+  const double left = m * stretch - span->length - at.x;
+  const double per_slope = per_slope_of(ale, m, at.slope, by_T);
+  span->by_pressing = at.slope;
+  span->bends = at.bends;
   double step = -left * (per_slope > 0.0 ? per_slope : EA / m);
-  const double curved = 1.0 - 0.5 * step * run.bends * by_T * by_T * per_slope;
+  const double curved = 1.0 - 0.5 * step * at.bends * by_T * by_T * per_slope;
   const int follows = per_slope > 0.0 && curved > 0.5 && curved < 2.0;
   step = (follows ? step / curved : step) / H0;
   span->elastic += H0 * bd_at_most(bd_at_least(step, -0.5), 0.5);
@@ -264,26 +302,39 @@ INLINE void end_span(bd_ale *ale, const bd_ale_state *y, int i) {
   span->pressing += more;
   span->path = y->m[k] * span->stretch - span->length;
   span->by_pressing += span->bends * more;
-  const double per_slope = per_slope_of(ale, y->m[k], span->by_pressing,
-                                        1.0 + thrown / (span->stretch * ale->axial));
+  const double per_slope =
+      per_slope_of(ale, y->m[k], span->by_pressing, 1.0 + thrown / (span->stretch * ale->axial));
   span->per_slope = per_slope > 0.0 ? per_slope : ale->axial / y->m[k];
   ale->stretch[k] = span->stretch;
   ale->elastic[k] = span->elastic;
-  modes draws = each(0.0), begins = draws, ends = draws;
-  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
-    const modes wave = modes_at(span->wave + n), ab = modes_at(span->ab + n);
-    const modes rest = modes_at(span->rest + n), stands = rest - more * modes_at(span->falls + n) * rest;
-    const modes da = modes_at(y->p + i * BD_ALE_MODES + n) - modes_at(span->moved + n);
-    const modes slope = wave * (ab - stands);
-    modes_to(span->rest + n, stands);
-    modes_to(span->da + n, da);
-    draws = draws + wave * wave * ab * da;
-    begins = begins + slope;
-    ends = ends + turned_at(n) * slope;
+  const double H = span->pressing, half_S = 0.5 * span->length;
+  double turns[2], rolls[2]; /* moments of ends that roll, and what they draw out */
+  for (int end = 0; end < 2; ++end) {
+    const double by = span->waves->lifts[end], angle = span->lifted[end] += by * more;
+    const double half = 0.5 * bd_ale_rolls_on(span, end) * angle;
+    turns[end] = half * angle * H;
+    rolls[end] = -half * (angle + 2.0 * H * by);
   }
-  span->drawn = y->v[after] - y->v[k] + 0.5 * span->length * sum_of_modes(draws);
-  span->lifted[0] = sum_of_modes(begins);
-  span->lifted[1] = sum_of_modes(ends);
+  modes drawn = each(0.0), wound = drawn;
+  for (int n = 0; n < BD_ALE_MODES; n += MODES) {
+    const modes wave = modes_at(span->wave + n), ab = modes_at(span->ab + n), last = turned_at(n);
+    const modes falls = modes_at(span->falls + n), rest = modes_at(span->rest + n) - more * falls;
+    const modes da = modes_at(y->p + i * BD_ALE_MODES + n) - modes_at(span->moved + n);
+    const modes half = half_S * wave * wave, held = stiff_at(span, n, H) + H;
+    const modes rises = modes_at(span->waves->rises + n) + 1.0;
+    const modes draws =
+        half * (rises * (ab - rest) + held * falls) + wave * (rolls[0] + rolls[1] * last);
+    modes_to(span->rest + n, rest);
+    modes_to(span->da + n, da);
+    modes_to(span->pushed + n, half * held * rest);
+    modes_to(span->turned + n, wave * (turns[0] + turns[1] * last));
+    modes_to(span->draws + n, draws);
+    drawn = drawn + draws * da;
+    wound = wound + half * ab * da;
+  }
+  const double by_waves = sum_of_modes(drawn);
+  span->drawn = y->v[after] - y->v[k] + by_waves;
+  span->turns = by_waves - sum_of_modes(wound);
   span->damped = span->damping * span->drawn / y->m[k];
   ale->tension[k] = span->elastic + span->damped;
   ale->pressing[k] = span->pressing;
@@ -304,8 +355,8 @@ INLINE void press_ends(bd_ale *ale, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   const bd_ale_span *in = &ale->spans[arc->before], *out = &ale->spans[j];
   const int middle = arc->begin + arc->n / 2;
-  press_end(ale, in, in->lifted[1], arc->begin, middle);
-  press_end(ale, out, out->lifted[0], middle, arc->begin + arc->n);
+  press_end(ale, in, in->lifted[1] - in->waves->rolled[1], arc->begin, middle);
+  press_end(ale, out, out->lifted[0] - out->waves->rolled[0], middle, arc->begin + arc->n);
 }
 
 /* All together: no step waits for that of another. */
@@ -363,22 +414,29 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
 
 /* --- the ends of wraps ----------------------------------------------------------------------- */
 
-/* An end of a wrap: the belt touches from `touch` = e on. There its pressure begins, and what it
- * lacks stands further in, as what a beam does that is bent from 1 / R to none. */
+/* An end of a wrap: the belt touches from `begin` on, e and what waves have rolled it by. There its
+ * pressure begins, and what it lacks stands further in, as what a beam does that is bent from 1 / R
+ * to none. */
 typedef struct wrap_end {
-  double touch, p, q, over; /* of exp(-p x) (cos, sin)(q x); what goes with the sine */
-  double x, co, si;         /* the last of these, */
-  double apart, by[2];      /* and what leads from it to the end of the next cell, so far on */
+  double begin, touch, p, q, over; /* of exp(-p x) (cos, sin)(q x); what goes with the sine */
+  double x, co, si;                /* the last of these, */
+  double apart, by[2]; /* and what leads from it to the end of the next cell, so far on */
 } wrap_end;
 
 INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int span, double most,
                        double apart) {
-  const double H = bd_at_least(ale->spans[span].pressing, BD_ALE_LEAST * ale->rest);
+  const bd_ale_span *of = &ale->spans[span];
+  const double H = bd_at_least(of->pressing, BD_ALE_LEAST * ale->rest);
   const double EI = ale->bending, c1 = ale->quadratic, c2 = ale->linear;
   const double stiff = 0.5 * (c2 + sqrt(c2 * c2 + 4.0 * c1 * H / arc->radius)); /* N / d */
   const double square = 0.5 * sqrt(stiff / EI), along = 0.25 * H / EI;
   wrap_end end = {.p = sqrt(square + along), .q = sqrt(bd_at_least(square - along, 1e-6 * square))};
   end.touch = bd_at_most(sqrt(EI / H) - end.p / square, most);
+  const int which = span == arc->before;
+  const double lift = arc->side * arc->radius;
+  end.begin = bd_at_most(
+      bd_at_least(end.touch + lift * of->lifted[which], bd_at_most(end.touch, 0.0)), most);
+  of->waves->rolled[which] = (end.begin - end.touch) / lift;
   end.over = (1.0 + end.p * end.touch) / end.q;
   end.x = (double)NAN;
   end.apart = apart;
@@ -418,7 +476,7 @@ typedef struct cell_end {
 } cell_end;
 
 INLINE cell_end cell_end_at(wrap_end ends[2], double whole, double s) {
-  const double begin = ends[0].touch, until = whole - ends[1].touch;
+  const double begin = ends[0].begin, until = whole - ends[1].begin;
   cell_end at = {.s = bd_at_most(bd_at_least(s, begin), until)};
   carry_end(&ends[0], at.s - begin, 1.0, &at.carried, &at.sum);
   carry_end(&ends[1], until - at.s, -1.0, &at.carried, &at.sum);

@@ -15,7 +15,7 @@
 
 #include "run/run.h"
 
-enum { FORMAT = 4 };
+enum { FORMAT = 5 };
 
 typedef struct head {
   char magic[8];
