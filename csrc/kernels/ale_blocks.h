@@ -492,7 +492,8 @@ INLINE void solve_last(const bd_ale_ring *ring, double *x) {
 /* --- several right-hand sides, a lane each ---------------------------------------------------- */
 
 /* Four rows of sum + a x. */
-INLINE void add_rows(const int lead, const int k, const double *a, const double *x, vec *sum) {
+INLINE void add_rows(const int lead, const int k, const double *a, const double *x,
+                     vec sum[QUAD]) {
   for (int l = 0; l < k; ++l) {
     const vec factor = load(x + l * WIDTH);
     for (int i = 0; i < QUAD; ++i) {
@@ -501,71 +502,91 @@ INLINE void add_rows(const int lead, const int k, const double *a, const double 
   }
 }
 
-INLINE void add_fours(const int lead, int k, const double *a, const double *x, vec *sum) {
-  if (k == QUAD) {
-    add_rows(lead, QUAD, a, x, sum);
-  } else {
-    add_rows(lead, k, a, x, sum);
+INLINE void clear_rows(vec sum[QUAD]) {
+  for (int i = 0; i < QUAD; ++i) {
+    sum[i] = splat(0.0);
   }
 }
 
-/* As solve_block. */
-INLINE void solve_block_lanes(const bd_ale_ring *ring, int b, const int sides[2], const int back,
-                              const int lead, double *x) {
+/* As solve_four. */
+INLINE void solve_four_lanes(const bd_ale_block *block, const double *over, const double *near,
+                             const double *first, const int back, double *here) {
+  vec sum[QUAD];
+  for (int i = 0; i < QUAD; ++i) {
+    sum[i] = back ? load(here + i * WIDTH) : splat(0.0);
+  }
+  add_rows(QUAD, QUAD, first_matrix(block, back), first, sum);
+  add_rows(QUAD, QUAD, over, near, sum);
+  for (int i = 0; i < QUAD; ++i) {
+    store(here + i * WIDTH, sum[i]);
+  }
+}
+
+/* As solve_any. */
+static void solve_any_lanes(const bd_ale_ring *ring, int b, int behind, int ahead, int back,
+                            double *x) {
   const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
+  const bd_ale_block *const first = back ? last : block;
+  const int lead = block->lead, sides[2] = {behind, ahead};
   double *const here = x + block->at * WIDTH;
-  vec sum[LARGEST];
+  vec out[LARGEST];
   for (int i = 0; i < lead; i += QUAD) {
-    for (int r = i; r < i + QUAD; ++r) {
-      sum[r] = back && r < block->n ? load(here + r * WIDTH) : splat(0.0);
-    }
-    if (back) {
-      add_fours(lead, last->n, block->far + i, x + last->at * WIDTH, sum + i);
-    } else {
-      add_fours(lead, block->n, block->inverse + i, here, sum + i);
-    }
+    vec sum[QUAD];
+    clear_rows(sum);
+    add_rows(lead, first->n, first_matrix(block, back) + i, x + first->at * WIDTH, sum);
     for (int side = 0; side < 2; ++side) {
       const bd_ale_block *const near = beside(ring, b, side);
       if (sides[side] && near != last) {
-        add_fours(lead, near->n, block->over[side] + i, x + near->at * WIDTH, sum + i);
+        add_rows(lead, near->n, block->over[side] + i, x + near->at * WIDTH, sum);
       }
     }
+    memcpy(out + i, sum, sizeof sum);
   }
   for (int r = 0; r < block->n; ++r) {
-    store(here + r * WIDTH, sum[r]);
+    store(here + r * WIDTH, back ? load(here + r * WIDTH) + out[r] : out[r]);
   }
 }
 
-static void solve_lanes(const bd_ale_ring *ring, int b, int behind, int ahead, int back,
-                        double *x) {
-  const int lead = ring->blocks[b].lead, sides[2] = {behind, ahead};
-  if (lead == QUAD) {
-    solve_block_lanes(ring, b, sides, back, QUAD, x);
+INLINE void solve_lanes(const bd_ale_ring *ring, int b, const int behind, const int ahead,
+                        const int back, double *x) {
+  const bd_ale_block *const block = &ring->blocks[b], *const last = &ring->blocks[ring->n - 1];
+  const bd_ale_block *const near = ahead ? block + 1 : block - 1;
+  if (behind + ahead == 1 && block->usual[ahead] && (!back || last->n == QUAD)) {
+    double *const here = x + block->at * WIDTH;
+    solve_four_lanes(block, block->over[ahead], x + near->at * WIDTH,
+                     back ? x + last->at * WIDTH : here, back, here);
   } else {
-    solve_block_lanes(ring, b, sides, back, lead, x);
+    solve_any_lanes(ring, b, behind, ahead, back, x);
   }
 }
 
 static void solve_last_lanes(const bd_ale_ring *ring, double *x) {
   const bd_ale_block *const last = &ring->blocks[ring->n - 1];
+  const int lead = last->lead;
   double *const here = x + last->at * WIDTH;
   vec rhs[LARGEST], sum[LARGEST];
-  for (int i = 0; i < last->lead; i += QUAD) {
-    vec two[2 * QUAD];
-    for (int r = 0; r < QUAD; ++r) {
-      two[r] = i + r < last->n ? load(here + (i + r) * WIDTH) : splat(0.0);
-      two[QUAD + r] = sum[i + r] = splat(0.0);
+  for (int i = 0; i < lead; i += QUAD) {
+    vec one[QUAD], other[QUAD];
+    const double *from = ring->from + i;
+    int u = 0;
+    clear_rows(one);
+    clear_rows(other);
+    for (; u + 2 <= last->at; u += 2, from += 2 * lead) {
+      add_rows(lead, 1, from, x + u * WIDTH, one);
+      add_rows(lead, 1, from + lead, x + (u + 1) * WIDTH, other);
     }
-    for (int u = 0; u < last->at; ++u) {
-      add_rows(last->lead, 1, ring->from + u * last->lead + i, x + u * WIDTH, two + u % 2 * QUAD);
+    if (u < last->at) {
+      add_rows(lead, 1, from, x + u * WIDTH, one);
     }
     for (int r = 0; r < QUAD; ++r) {
-      rhs[i + r] = two[r] + two[QUAD + r];
+      const vec own = i + r < last->n ? load(here + (i + r) * WIDTH) : splat(0.0);
+      rhs[i + r] = own + (one[r] + other[r]);
+      sum[i + r] = splat(0.0);
     }
   }
   for (int l = 0; l < last->n; ++l) {
     for (int r = 0; r < last->n; ++r) {
-      sum[r] = fma_(splat(last->inverse[l * last->lead + r]), rhs[l], sum[r]);
+      sum[r] = fma_(splat(last->inverse[l * lead + r]), rhs[l], sum[r]);
     }
   }
   for (int r = 0; r < last->n; ++r) {
@@ -634,13 +655,31 @@ static void solve_all(const bd_ale_ring *ring, int n, int width, double *x) {
   }
 }
 
+/* So many vectors of them. */
+INLINE void deduct_at(const int vectors, int n, int width, const double *columns,
+                      const double *factors, double *x) {
+  vec left[QUAD];
+  for (int i = 0; i < vectors; ++i) {
+    left[i] = load(x + i * WIDTH);
+  }
+  for (int k = 0; k < n; ++k) {
+    const vec factor = splat(factors[k]);
+    for (int i = 0; i < vectors; ++i) {
+      left[i] = fnma_(factor, load(columns + k * width + i * WIDTH), left[i]);
+    }
+  }
+  for (int i = 0; i < vectors; ++i) {
+    store(x + i * WIDTH, left[i]);
+  }
+}
+
 static void deduct(int unknowns, int n, int width, const double *columns, const double *factors,
                    double *x) {
-  for (int u = 0; u < unknowns; u += WIDTH) {
-    vec left = load(x + u);
-    for (int k = 0; k < n; ++k) {
-      left = fnma_(splat(factors[k]), load(columns + k * width + u), left);
-    }
-    store(x + u, left);
+  int u = 0;
+  for (; u + QUAD * WIDTH <= unknowns; u += QUAD * WIDTH) {
+    deduct_at(QUAD, n, width, columns + u, factors, x + u);
+  }
+  for (; u < unknowns; u += WIDTH) {
+    deduct_at(1, n, width, columns + u, factors, x + u);
   }
 }
