@@ -393,6 +393,8 @@ def test_what_a_run_does_not_have_is_named() -> None:
     assert told.pulleys["crank"].speed is not None
     assert told.spans[0].tension is not None and not re.search(r"\bnan\b", text)
     assert result(t_end=0.01, outputs=("energy",)).report().notes
+    still = result(t_end=0.01, outputs=("belt", "joints", "contact")).report()
+    assert still.driver is None and any("no speeds" in note for note in still.notes)
     bare = result(t_end=0.01, outputs=("belt.x",)).report()
     assert str(bare) and bare.text(full=True)
     params, still = result().params, bd.PiecewiseLinear([0.0, 1.0], np.zeros((2, 3)))

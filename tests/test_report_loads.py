@@ -18,7 +18,8 @@ from two_pulleys import open_drive
 import beltdyn as bd
 from beltdyn.drive.compliance import compliance
 from beltdyn.drive.span import Span
-from beltdyn.outputs.spans import Coordinates, joint_points, mid_span
+from beltdyn.outputs.histories import BeltHistory
+from beltdyn.outputs.spans import joint_points, mid_span
 from beltdyn.report import rainflow
 from beltdyn.report.hubs import hub_statics
 from beltdyn.report.span_rows import dominant
@@ -159,7 +160,7 @@ def test_the_middle_of_a_span_is_halfway_along_its_tangent() -> None:
     """Of joints whose "forces" are their coordinates. The belt lies 1 mm from its line at most."""
     params = drive(40)
     rest, route = bd.settle(params), params.route
-    line = Coordinates(rest.x[None], rest.y[None], rest.phi[None])
+    line = BeltHistory._holding({name: getattr(rest, name)[None] for name in ("x", "y", "phi")})
     points = joint_points(params, line)
     found = [mid_span(params, line, points[..., axis])[0] for axis in (0, 1)]
     after = [*range(1, len(params.pulleys)), 0]

@@ -28,6 +28,7 @@ __all__ = [
     "labels",
     "names_of",
     "span_name",
+    "span_names",
     "with_names",
 ]
 
@@ -135,6 +136,12 @@ def span_name(span: int, names: Sequence[str], unnamed: str) -> str:
     if _is_named(span, names) or _is_named(after, names):
         return f"{names[span]} to {names[after]}"
     return unnamed
+
+
+def span_names(names: Sequence[str], unnamed: str = "pulley {} to pulley {}") -> list[str]:
+    """Return the names of all spans, those between unnamed pulleys from the format ``unnamed``."""
+    n = len(names)
+    return [span_name(k, names, unnamed.format(k, (k + 1) % n)) for k in range(n)]
 
 
 def with_names(values: Iterable[str], names: Iterable[str]) -> str:

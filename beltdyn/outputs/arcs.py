@@ -10,9 +10,18 @@ from ..base.checks import Array
 from ..drive.friction import Friction
 from ..drive.params import Params
 from .histories import BeltHistory, ContactHistory
-from .spans import coordinates, joint_points
+from .spans import ALL, joint_points
 
-__all__ = ["SLIP_FROM", "Arcs", "arcs_of", "contact_points", "full_friction", "in_slip", "turns"]
+__all__ = [
+    "SLIP_FROM",
+    "Arcs",
+    "arcs_of",
+    "contact_points",
+    "full_friction",
+    "in_slip",
+    "per_pulley",
+    "turns",
+]
 
 #: Share of the friction in full slip from which on a link counts as slipping. Laws with a state
 #: approach full slip over a way of some mu_k / sigma, of Dahl's 1 - exp(-x sigma / mu_k): 95 % are
@@ -99,13 +108,20 @@ def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
     The joints on the left of the links where contact acts along these, else their centres, or the
     masses of a string; of cells the middles of the lines between their ends.
     """
-    part = coordinates(params, belt, rows)
     if params._belt_facts["at_joints"]:
-        return joint_points(params, part)
-    points = np.stack([part.x, part.y], axis=-1)
+        return joint_points(params, belt, rows)
+    points = np.stack([belt.x[rows], belt.y[rows]], axis=-1)
     if params._belt_facts["flows"]:
         points = 0.5 * (points + np.roll(points, -1, axis=1))
     return np.asarray(points)
+
+
+def per_pulley(values: Array, touched: NDArray[np.int32], n_p: int) -> Array:
+    """Add up values of links (n_t, n_b) by the pulley they touch (n_t, n_p)."""
+    n_t = values.shape[0]
+    bins = touched + np.arange(n_t, dtype=np.intp)[:, None] * (n_p + 1) + 1  # first: no contact
+    total = np.bincount(bins.ravel(), weights=values.ravel(), minlength=n_t * (n_p + 1))
+    return np.asarray(total.reshape(n_t, n_p + 1)[:, 1:], dtype=float)
 
 
 def turns(begin: Array, end: Array) -> Array:
@@ -114,17 +130,20 @@ def turns(begin: Array, end: Array) -> Array:
     return np.asarray(np.arctan2(cross, (begin * end).sum(axis=-1)))
 
 
-def arcs_of(params: Params, belt: BeltHistory, contact: ContactHistory, centers: Array) -> Arcs:
-    """Find the arcs at every sample."""
-    n_t, n_b = contact.pulley.shape
-    n_p = len(params.pulleys)
+def arcs_of(
+    params: Params, belt: BeltHistory, contact: ContactHistory, centers: Array, rows: slice = ALL
+) -> Arcs:
+    """Find the arcs at every sample of ``rows``, with the axes there, or one place of them."""
+    first, last, _ = rows.indices(len(contact.pulley))
+    n_t, n_b, n_p = last - first, contact.pulley.shape[1], len(params.pulleys)
     wrap, slip, returning = (np.zeros((n_t, n_p)) for _ in range(3))
     size = max(1, _BLOCK // n_b)
     for begin in range(0, n_t, size):
-        rows = slice(begin, begin + size)
+        here = slice(begin, begin + size)
+        rows = slice(first + begin, min(first + begin + size, last))
         touched, normal = contact.pulley[rows], contact.normal[rows]
         points = contact_points(params, belt, rows)
-        axes = centers[rows] if len(centers) > 1 else centers
+        axes = centers[here] if len(centers) > 1 else centers
         full = full_friction(params, touched, contact.velocity[rows])
         rubs, falls = np.abs(contact.mu[rows]), contact.mu[rows] * contact.velocity[rows] < 0.0
         for k in range(n_p):
@@ -135,12 +154,11 @@ def arcs_of(params: Params, belt: BeltHistory, contact: ContactHistory, centers:
             else:
                 angles = _angles(params, points - axes[:, k, None, :], on, normal)
                 slipping = (rubs >= SLIP_FROM * full).astype(float)
-            wrap[rows, k] = angles.sum(axis=1)
-            slip[rows, k] = (slipping * angles).sum(axis=1)
+            wrap[here, k] = angles.sum(axis=1)
+            slip[here, k] = (slipping * angles).sum(axis=1)
             much = np.where(rubs >= 0.5 * full, angles, 0.0)
-            whole = much.sum(axis=1)
-            back = np.where(falls, much, 0.0).sum(axis=1)
-            np.divide(back, whole, out=returning[rows, k], where=whole > 0.0)
+            back, whole = np.where(falls, much, 0.0).sum(axis=1), much.sum(axis=1)
+            np.divide(back, whole, out=returning[here, k], where=whole > 0.0)
     return Arcs(wrap=wrap, slip=slip, stick=wrap - slip, returning=returning)
 
 

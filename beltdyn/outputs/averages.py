@@ -1,4 +1,4 @@
-"""Means over time of what was sampled, by the trapezoidal rule."""
+"""Means and integrals over time of what was sampled, by the trapezoidal rule."""
 
 from __future__ import annotations
 
@@ -8,10 +8,16 @@ import numpy as np
 
 from ..base.checks import Array
 
-__all__ = ["LAST", "mean_over", "time_weights"]
+__all__ = ["LAST", "durations", "integral", "mean_over", "time_weights"]
 
 #: The part of a run, counted from its end, that means are taken over where nothing else is asked.
 LAST = 0.2
+
+
+def durations(t: Array, begin: float = -math.inf, end: float = math.inf) -> Array:
+    """Return the time that each sample stands for (n_t,) [s], of that from ``begin`` to ``end``."""
+    half = 0.5 * np.maximum(np.minimum(t[1:], end) - np.maximum(t[:-1], begin), 0.0)
+    return np.asarray(np.append(half, 0.0) + np.append(0.0, half))
 
 
 def time_weights(t: Array, begin: float = -math.inf, end: float = math.inf) -> Array:
@@ -19,15 +25,14 @@ def time_weights(t: Array, begin: float = -math.inf, end: float = math.inf) -> A
 
     At least the last interval before ``end`` counts; equal weights if no time passes there.
     """
-    inside = np.minimum(t[1:], end) - np.maximum(t[:-1], begin)
-    inside = np.maximum(inside, 0.0)
-    weights = np.zeros(t.size)
-    weights[1:] += 0.5 * inside
-    weights[:-1] += 0.5 * inside
+    weights = durations(t, begin, end)
     total = weights.sum()
-    if total > 0.0:
-        return np.asarray(weights / total)
-    return np.full(t.size, 1.0 / t.size)
+    return weights / total if total > 0.0 else np.full(t.size, 1.0 / t.size)
+
+
+def integral(t: Array, values: Array) -> Array:
+    """Return the integral of samples (n_t,) from the first of them to each (n_t,)."""
+    return np.append(0.0, np.cumsum(0.5 * np.diff(t) * (values[1:] + values[:-1])))[: t.size]
 
 
 def mean_over(weights: Array, samples: Array) -> Array:

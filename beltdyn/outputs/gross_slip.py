@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..drive.friction import TINY
 from ..drive.params import Params
-from .arcs import in_slip
+from .arcs import in_slip, per_pulley
+from .averages import durations
 
-__all__ = ["GrossSlip", "durations", "gross_slip"]
+__all__ = ["GrossSlip", "gross_slip"]
 
 #: Share of the largest possible friction, |sum mu N| / sum mu_k N, from which on the whole wrap
 #: slips; links that have just arrived still need a slip of some mu_k/sigma. A steady drive stays
@@ -27,20 +28,14 @@ NEGLIGIBLE_FRICTION = 0.01
 
 @attrs.frozen(eq=False, kw_only=True)
 class GrossSlip:
-    """Slip of whole wraps.
+    """Slip of whole wraps, of each pulley (n_p,)."""
 
-    Attributes:
-        slips: At which samples a pulley slips in full (n_t, n_p); nowhere on one that moves by no
-            more than the travel in which its friction develops.
-        slip_distance: Distance slipped meanwhile [m] (n_p,).
-        carried: Mean friction meanwhile [N] (n_p,); single samples have what landing links add.
-        lost: Energy dissipated by it [J] (n_p,).
-    """
-
+    #: At which samples (n_t, n_p); nowhere on one that moves by no more than the travel in which
+    #: its friction develops.
     slips: NDArray[np.bool_]
-    slip_distance: Array
-    carried: Array
-    lost: Array
+    slip_distance: Array  # meanwhile [m]
+    carried: Array  # mean friction meanwhile [N]; single samples have what landing links add
+    lost: Array  # energy dissipated by it [J]
 
 
 def gross_slip(
@@ -54,15 +49,14 @@ def gross_slip(
     """Find where pulleys slip over their whole wrap; None if none does."""
     kinetic, developed = params._slip_limits
     n_t, n_p = t.size, len(params.pulleys)
-    bins = _bins(pulley, n_p)
-    carried = np.abs(_per_pulley(friction, bins, n_p))
-    most = kinetic * _per_pulley(normal, bins, n_p)
+    carried = np.abs(per_pulley(friction, pulley, n_p))
+    most = kinetic * per_pulley(normal, pulley, n_p)
     # In slip no law has less than the kinetic friction.
     for k in np.flatnonzero((carried >= FULL_SLIP * most).any(axis=0)).tolist():
         law = params.friction_on(k)
         held = None if law is None else in_slip(law, float(kinetic[k]), velocity)
         if held is not None:
-            most[:, k] = _per_pulley(held * normal, bins, n_p)[:, k]
+            most[:, k] = per_pulley(held * normal, pulley, n_p)[:, k]
     saturated = (carried >= FULL_SLIP * most) & (
         most > NEGLIGIBLE_FRICTION * params.info["strain_tension"]
     )
@@ -70,7 +64,7 @@ def gross_slip(
     if rows.size == 0:
         return None
     lost = np.zeros((n_t, n_p))
-    lost[rows] = _per_pulley(friction[rows] * velocity[rows], _bins(pulley[rows], n_p), n_p)
+    lost[rows] = per_pulley(friction[rows] * velocity[rows], pulley[rows], n_p)
     speed = np.divide(lost, carried, out=np.zeros_like(lost), where=saturated & (carried > 0.0))
     # A wrap whose friction is fully developed from tensioning alone does not slip.
     slips = speed > 0.01 * speed.max(axis=0)
@@ -86,22 +80,3 @@ def gross_slip(
         carried=np.sum(during * carried, axis=0) / np.maximum(np.sum(during, axis=0), TINY),
         lost=np.sum(during * lost, axis=0),
     )
-
-
-def durations(t: Array) -> Array:
-    """Time that each sample stands for [s]."""
-    half = np.diff(t) / 2.0
-    return np.asarray(np.concatenate([half, [0.0]]) + np.concatenate([[0.0], half]))
-
-
-def _bins(touched: NDArray[np.int32], n_p: int) -> NDArray[np.intp]:
-    """Return an index for each (sample, pulley); pulley -1, no contact, comes first."""
-    rows = np.arange(touched.shape[0], dtype=np.intp)[:, None]
-    return (touched + (rows * (n_p + 1) + 1)).ravel()
-
-
-def _per_pulley(values: Array, bins: NDArray[np.intp], n_p: int) -> Array:
-    """Add up values of links (n_t, n_b) by the pulley they touch (n_t, n_p)."""
-    n_t = values.shape[0]
-    total = np.bincount(bins, weights=values.ravel(), minlength=n_t * (n_p + 1))
-    return np.asarray(total.reshape(n_t, n_p + 1)[:, 1:], dtype=float)

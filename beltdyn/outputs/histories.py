@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from .. import _core
 from ..base.checks import Array
 from ..base.described import listed
+from .averages import integral
 from .quantity import LEDGER, QUANTITIES
 
 __all__ = [
@@ -85,7 +86,7 @@ class Group:
     def __reduce__(self) -> tuple[Any, ...]:
         names = [field.name for field in attrs.fields(type(self))]  # type: ignore[arg-type]
         found = {name: getattr(self, name) for name in names if hasattr(self, name)}
-        return _holding, (type(self), found)
+        return type(self)._holding, (found,)
 
     @classmethod
     @functools.cache
@@ -116,10 +117,6 @@ def _group(name: str) -> Callable[[type[_Kind]], type[_Kind]]:
         return listed(kind, {field: (row.meaning, row.unit) for field, row in rows.items()})
 
     return enter
-
-
-def _holding(kind: type[Group], found: Mapping[str, Any]) -> Group:
-    return kind._holding(found)
 
 
 def absent(output: str, before: str = "") -> str:
@@ -296,11 +293,10 @@ class EnergyLedger(Group):
         """``power``: of the set torques, per pulley (n_t, n_p) [W]."""
         named = {name: columns[:, k] for k, name in enumerate(terms)}
         ledger = cls(**named, passed=np.zeros_like(t))
-        fed = np.maximum(power, 0.0).sum(axis=1)
-        fed_in = np.concatenate([[0.0], np.cumsum(np.diff(t) * (fed[1:] + fed[:-1]) / 2.0)])
+        fed_in = integral(t, np.maximum(power, 0.0).sum(axis=1))
         with np.errstate(invalid="ignore"):  # a failed run may hold infinite energies
             gained = np.abs(ledger.total - ledger.total[:1])
-        scale = np.max([fed_in[: t.size], np.abs(ledger.drive), ledger.losses, gained], axis=0)
+        scale = np.max([fed_in, np.abs(ledger.drive), ledger.losses, gained], axis=0)
         return attrs.evolve(ledger, passed=np.maximum.accumulate(scale))
 
 
@@ -424,8 +420,7 @@ def _passed(t: Array, flow: Array, theta: Array | None, omega: Array) -> Array:
     """
     square = float(omega @ omega)
     ratio = float(flow @ omega) / square if theta is not None and square > 0.0 else 0.0
-    rest = flow - ratio * omega
-    gone = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t) * (rest[1:] + rest[:-1]))])[: t.size]
+    gone = integral(t, flow - ratio * omega)
     return gone if theta is None else gone + ratio * (theta - theta[:1])
 
 

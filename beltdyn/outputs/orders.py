@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.checks import Array
 from .accuracy_report import Run
+from .averages import integral
 
 __all__ = [
     "HARMONICS",
@@ -144,8 +145,7 @@ def sources(result: Run, rows: Any = slice(None)) -> tuple[Source, ...]:
 
 def _source(name: str, kind: str, t: Array, rate: Array, known: float) -> Source | None:
     """Make the source that turns at a rate (n_t,) [Hz]; None if it stands still."""
-    steps = 0.5 * np.diff(t) * (rate[1:] + rate[:-1])
-    turns = np.concatenate([[0.0], np.cumsum(steps)])
+    turns = integral(t, rate)
     if t.size < 3 or float(np.ptp(turns)) < STILL:
         return None
     weights = np.hanning(t.size + 2)[1:-1]

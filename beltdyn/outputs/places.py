@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.checks import Array
-from ..base.naming import span_name
+from ..base.naming import span_names
 from ..drive.params import Params
 from ..drive.route import Route, route_at
 from ..drive.span import Span
 from .arcs import contact_points, turns
 from .histories import BeltHistory
-from .spans import coordinates, joint_points
+from .spans import joint_points
 
 __all__ = [
     "AlongBelt",
@@ -112,16 +112,10 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
         # the wrap of pulley k, from its middle
         off = points - centers[:, k, None]
         half = 0.5 * (wraps[:, k, 1] - wraps[:, k, 0])[:, None] / radii[k]
-        first = arrive[:, k] - centers[:, k]
-        turn = half[:, 0] * senses[k]
-        c, s = np.cos(turn), np.sin(turn)
-        middle = np.stack([c * first[:, 0] - s * first[:, 1], s * first[:, 0] + c * first[:, 1]], 1)
-        angle = np.clip(senses[k] * turns(middle[:, None], off), -half, half)
+        middle = _turned((arrive[:, k] - centers[:, k])[:, None], senses[k] * half)
+        angle = np.clip(senses[k] * turns(middle, off), -half, half)
         places.append(wraps[:, k, :1] + radii[k] * (angle + half))
-        turn = senses[k] * angle
-        c, s = np.cos(turn)[..., None], np.sin(turn)[..., None]
-        across = np.stack([-middle[:, 1], middle[:, 0]], axis=-1)[:, None]
-        on_rim = c * middle[:, None] + s * across
+        on_rim = _turned(middle, senses[k] * angle)
         apart.append(np.hypot(*np.moveaxis(off - on_rim, -1, 0)))
     place, distance = np.stack(places), np.stack(apart)
     # along the chords, from wherever most of the nearest projections agree
@@ -139,12 +133,10 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
     return np.asarray(np.take_along_axis(place, best, axis=0)[0] % length)
 
 
-def _points(params: Params, belt: BeltHistory, group: str, rows: slice) -> Array:
-    """Return the points that the values of a group belong to: joints, links, contact points."""
-    if group == "contact":
-        return contact_points(params, belt, rows)
-    part = coordinates(params, belt, rows)
-    return np.stack([part.x, part.y], axis=-1) if group == "belt" else joint_points(params, part)
+def _turned(vectors: Array, angle: Array) -> Array:
+    """Return vectors (..., 2), turned counter-clockwise by angles (...)."""
+    x, y, c, s = vectors[..., 0], vectors[..., 1], np.cos(angle), np.sin(angle)
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
 def along(
@@ -157,20 +149,23 @@ def along(
     places: Array | None,
 ) -> AlongBelt:
     """Interpolate a history of joints or links in places; see :meth:`beltdyn.Result.along_belt`."""
-    line, n_b = params.route, params.n_bodies
-    radii = params._radii
+    line, n_b, radii = params.route, params.n_bodies, params._radii
     wraps = line_parts(line, radii)
     evenly = np.asarray((np.arange(n_b) + 0.5) * (line.length / n_b), dtype=np.float64)
     s = evenly if places is None else places
     parts = _part_of(s, wraps)
-    group = name.partition(".")[0]
     lines, centers = routes(params, travel)
     found = np.empty((t.size, s.size))
     size = max(1, _BLOCK // (2 * radii.size * n_b))
     for begin in range(0, t.size, size):
         rows = slice(begin, begin + size)
         each = slice(None) if len(lines) == 1 else rows
-        points = _points(params, belt, group, rows)
+        if name.startswith("contact."):
+            points = contact_points(params, belt, rows)
+        elif name.startswith("joints."):
+            points = joint_points(params, belt, rows)
+        else:
+            points = np.stack([belt.x[rows], belt.y[rows]], axis=-1)
         at = where(params, points, lines[each], centers[each])
         for k in range(len(at)):
             now = lines[0 if len(lines) == 1 else begin + k]
@@ -182,13 +177,9 @@ def along(
 def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: Array) -> AlongBelt:
     """Return the history with the names of the parts of the line."""
     names = params.pulley_names
-    spans = [
-        span_name(k, names, unnamed=f"span {k} to {(k + 1) % len(names)}")
-        for k in range(len(names))
-    ]
-    texts = np.array([name for pair in zip(spans, names, strict=True) for name in pair])
-    part = texts[_part_of(s, wraps)]
-    length = params.route.length
+    spans = span_names(names, "span {} to {}")
+    texts = np.array([text for pair in zip(spans, names, strict=True) for text in pair])
+    part, length = texts[_part_of(s, wraps)], params.route.length
     return AlongBelt(name=name, t=t, s=s, values=values, part=part, wraps=wraps, length=length)
 
 

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
 from ..base.checks import Array
 from ..drive.params import Params
+from .histories import BeltHistory
 
-__all__ = [
-    "Coordinates",
-    "coordinates",
-    "has_angles",
-    "joint_points",
-    "lines_of_cells",
-    "mid_span",
-    "of_spans",
-    "span_tension",
-]
+__all__ = ["has_angles", "joint_points", "lines_of_cells", "mid_span", "span_tension"]
 
-
+#: All samples of a run.
+ALL = slice(None)
 #: Points of the line of a cell.
 _POINTS = 21
 
@@ -38,51 +29,23 @@ def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Ar
     return _core.span_tension(np.asarray(touched, dtype=np.int32), force, n_pulleys)
 
 
-class Line(Protocol):
-    """Coordinates of the links (n_t, n_b): of a run, or of a part of it."""
-
-    @property
-    def x(self) -> Array: ...
-    @property
-    def y(self) -> Array: ...
-    @property
-    def phi(self) -> Array: ...
-
-
-class Coordinates(NamedTuple):
-    """Coordinates of the links at some samples, each (n_t, n_b): x, y [m], phi [rad]."""
-
-    x: Array
-    y: Array
-    phi: Array
-
-
-def coordinates(params: Params, belt: Line, rows: slice) -> Coordinates:
-    """Return the coordinates at some samples; phi only where places depend on it."""
-    x, y = belt.x[rows], belt.y[rows]
-    return Coordinates(x, y, belt.phi[rows] if has_angles(params) else np.zeros_like(x))
-
-
 def has_angles(params: Params) -> bool:
     """Return whether the belt's nodes have angles: links have, point masses have not."""
     return "phi" in params._belt_facts["fields"]
 
 
-def joint_points(params: Params, belt: Line) -> Array:
+def joint_points(params: Params, belt: BeltHistory, rows: slice = ALL) -> Array:
     """Return where the joints are, each on the left of its link (n_t, n_b, 2) [m].
 
     Between the right end of link i - 1 and the left end of link i; of point masses the middle of
     the bar between them.
     """
-    centre = np.stack([belt.x, belt.y], axis=-1)
-    half = 0.5 * params.info["link_length"] if has_angles(params) else 0.0
-    tip = half * np.stack([np.cos(belt.phi), np.sin(belt.phi)], axis=-1)
+    centre = np.stack([belt.x[rows], belt.y[rows]], axis=-1)
+    tip = np.zeros(1)
+    if has_angles(params):
+        phi = belt.phi[rows]
+        tip = 0.5 * params.info["link_length"] * np.stack([np.cos(phi), np.sin(phi)], axis=-1)
     return np.asarray(0.5 * (centre - tip + np.roll(centre + tip, 1, axis=1)))
-
-
-def of_spans(params: Params, force: Array) -> Array:
-    """Return the tension of each span of an ALE belt (n_t, n_p), from that of all cells."""
-    return np.asarray(force[:, np.flatnonzero(params._cells < 0)])
 
 
 def lines_of_cells(
@@ -110,34 +73,32 @@ def lines_of_cells(
     return found
 
 
-def mid_span(params: Params, belt: Line, force: Array) -> Array:
+def mid_span(params: Params, belt: BeltHistory, force: Array, rows: slice = ALL) -> Array:
     """Return the joint force in the middle of the free span after each pulley (n_t, n_p) [N].
 
     Of the places where the belt crosses the plane through the middle of the span's tangent, across
-    it, the nearest counts.
+    it, the nearest counts; NaN where there is none. An ALE belt has one tension to a span.
     """
-    n_p = len(params.pulleys)
+    n_p, force = len(params.pulleys), force[rows]
     if params._belt_facts["flows"]:
-        return of_spans(params, force)
+        return np.asarray(force[:, params._cells < 0])
     if n_p == 1:
         return np.asarray(force.mean(axis=1, keepdims=True))
-    x, y = np.moveaxis(joint_points(params, belt), -1, 0)
-    tension = np.full((x.shape[0], n_p), np.nan)
-    rows = np.arange(x.shape[0])
+    points = joint_points(params, belt, rows)
+    tension = np.full((points.shape[0], n_p), np.nan)
+    each = np.arange(points.shape[0])
     begin, end = params.route.leave, np.roll(params.route.arrive, -1, axis=0)
     for k in range(n_p):
-        mid_x, mid_y = 0.5 * (begin[k] + end[k])
         tx, ty = (end[k] - begin[k]) / np.linalg.norm(end[k] - begin[k])
-        nx, ny = -ty, tx
-        along = (x - mid_x) * tx + (y - mid_y) * ty
-        across = np.abs((x - mid_x) * nx + (y - mid_y) * ny)
+        x, y = np.moveaxis(points - 0.5 * (begin[k] + end[k]), -1, 0)
+        along, across = x * tx + y * ty, np.abs(y * tx - x * ty)
         after = np.roll(along, -1, axis=1)
         crossing = (along <= 0.0) & (after > 0.0)
         first = np.argmin(np.where(crossing, across, np.inf), axis=1)
         second = (first + 1) % x.shape[1]
-        s0, s1 = along[rows, first], after[rows, first]
-        there = crossing[rows, first]
+        s0, s1 = along[each, first], after[each, first]
+        there = crossing[each, first]
         part = np.divide(-s0, s1 - s0, out=np.zeros_like(s0), where=there)
-        value = (1.0 - part) * force[rows, first] + part * force[rows, second]
+        value = (1.0 - part) * force[each, first] + part * force[each, second]
         tension[there, k] = value[there]
     return tension

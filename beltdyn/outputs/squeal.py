@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..base.checks import Array
 from ..drive.params import Params
-from .gross_slip import durations
+from .averages import durations
 
 __all__ = ["Contact", "Squeal", "growth", "least_damping", "squeals"]
 
@@ -37,41 +37,24 @@ RINGS = 0.25
 
 
 class Contact(NamedTuple):
-    """A belt on a pulley, in numbers that have no unit.
+    """A belt on a pulley, in numbers that have no unit but its frequency."""
 
-    Attributes:
-        damping: Of the contact, over critical.
-        stretch: EA / (c R^2), c its stiffness.
-        stretch_damping: Axial damping, eta omega / E at the frequency of the contact.
-        omega: That frequency [rad/s].
-    """
-
-    damping: float
-    stretch: float
-    stretch_damping: float
-    omega: float
+    damping: float  # of the contact, over critical
+    stretch: float  # EA / (c R^2), c its stiffness
+    stretch_damping: float  # eta omega / E
+    omega: float  # frequency of the contact [rad/s]
 
 
 class Squeal(NamedTuple):
-    """Vibrations that grow on a pulley.
-
-    Attributes:
-        pulley: Which.
-        first: Sample from which on they grow.
-        coefficient: Largest root mean square of the coefficient of friction on its wrap [1].
-        time: In which they grow by e then [s].
-        frequency: [Hz].
-        damping: Damping of the contact over critical [1].
-        needed: Damping with which none would [N s/m^2].
-    """
+    """Vibrations that grow on a pulley."""
 
     pulley: int
-    first: int
-    coefficient: float
-    time: float
-    frequency: float
-    damping: float
-    needed: float
+    first: int  # sample from which on they grow
+    coefficient: float  # largest root mean square of that of friction on its wrap [1]
+    time: float  # in which they grow by e then [s]
+    frequency: float  # [Hz]
+    damping: float  # of the contact, over critical [1]
+    needed: float  # damping with which none would grow [N s/m^2]
 
 
 def growth(contact: Contact, coefficient: Array) -> Array:

@@ -40,8 +40,7 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     """Set the converter of every field, and check arrays against the size of x or theta."""
 
     def array(name: str) -> dict[str, Any]:
-        like = _FIRST[SIZES[name]]
-        several = SIZES[name] in ROWS
+        like, most = _FIRST[SIZES[name]], 2 if SIZES[name] in ROWS else 1
 
         def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
             expected = (state.n_bodies,) if like == "n_bodies" else getattr(state, like).shape
@@ -52,22 +51,19 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
                 )
 
         return {
-            "converter": lambda value: real_array(
-                f"State.{name}", value, ndim=1, most=2 if several else 1
-            ),
+            "converter": partial(real_array, f"State.{name}", ndim=1, most=most),
             "validator": same_size,
             "eq_key": attrs.cmp_using(eq=np.array_equal),
         }
 
-    def number(name: str) -> dict[str, Any]:
-        return {
-            "converter": lambda value: (
-                None if value is None and name == "residual" else real(f"State.{name}", value)
-            )
-        }
-
+    numbers: dict[str, Any] = {
+        "t": partial(real, "State.t"),
+        "residual": attrs.converters.optional(partial(real, "State.residual")),
+    }
     return [
-        field.evolve(**(array if field.name in SIZES else number)(field.name)) for field in fields
+        field.evolve(**(array(name) if name in SIZES else {"converter": numbers[name]}))
+        for field in fields
+        for name in [field.name]
     ]
 
 
@@ -101,14 +97,14 @@ def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[
     return speeds, next(iter(rims.values()))
 
 
+def _zeros(like: str) -> Any:
+    """Return the default of a field: as many zeros as this one has."""
+    return attrs.Factory(lambda self: np.zeros_like(getattr(self, like)), takes_self=True)
+
+
 _NONE = attrs.Factory(lambda: np.empty(0))
-_LINK_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.x), takes_self=True)
-_CELL_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.m), takes_self=True)
-_ROW_ZEROS = attrs.Factory(lambda self: np.zeros(self.n_bodies), takes_self=True)
-_MODE_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.a), takes_self=True)
-_MOUNT_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.travel), takes_self=True)
-_COUPLING_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.rim_angle), takes_self=True)
-_PULLEY_ZEROS = attrs.Factory(lambda self: np.zeros_like(self.theta), takes_self=True)
+_LINKS, _CELLS, _MODES, _PULLEYS = map(_zeros, ("x", "m", "a", "theta"))
+_MOUNTS, _COUPLINGS = map(_zeros, ("travel", "rim_angle"))
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -180,25 +176,25 @@ class State:
     """
 
     x: Array = _NONE
-    y: Array = _LINK_ZEROS
-    phi: Array = _LINK_ZEROS
-    vx: Array = _LINK_ZEROS
-    vy: Array = _LINK_ZEROS
-    vphi: Array = _LINK_ZEROS
+    y: Array = _LINKS
+    phi: Array = _LINKS
+    vx: Array = _LINKS
+    vy: Array = _LINKS
+    vphi: Array = _LINKS
     m: Array = _NONE
-    v: Array = _CELL_ZEROS
-    mu: Array = _ROW_ZEROS
-    slip: Array = _LINK_ZEROS
+    v: Array = _CELLS
+    mu: Array = attrs.Factory(lambda self: np.zeros(self.n_bodies), takes_self=True)
+    slip: Array = _LINKS
     theta: Array
-    omega: Array = _PULLEY_ZEROS
+    omega: Array = _PULLEYS
     travel: Array = _NONE
-    travel_speed: Array = _MOUNT_ZEROS
-    mount_friction: Array = _MOUNT_ZEROS
+    travel_speed: Array = _MOUNTS
+    mount_friction: Array = _MOUNTS
     rim_angle: Array = _NONE
-    rim_speed: Array = _COUPLING_ZEROS
-    windup: Array = _COUPLING_ZEROS
+    rim_speed: Array = _COUPLINGS
+    windup: Array = _COUPLINGS
     a: Array = _NONE
-    p: Array = _MODE_ZEROS
+    p: Array = _MODES
     t: float = 0.0
     residual: float | None = None
 

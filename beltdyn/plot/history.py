@@ -6,7 +6,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 
-from ..base.naming import span_name
+from ..base.naming import span_names
 from ..outputs.quantity import SPANS
 from ..result.result import Result
 from . import style
@@ -86,8 +86,7 @@ def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axe
         TypeError, ValueError: An argument breaks its rule.
     """
     result = with_samples(result)
-    pulleys, count = result.pulleys.names, len(result.pulleys.names)
-    names = [span_name(k, pulleys, unnamed=f"span {k} to {(k + 1) % count}") for k in range(count)]
+    names = span_names(result.pulleys.names, "span {} to {}")
     columns = [(k, k, style.plain(name)) for k, name in enumerate(names)]
     return over_time(result, SPANS, columns, ax, line)
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..base.checks import Array
 from ..base.optional import optional_module
+from ..outputs.averages import integral
 from ..outputs.places import follow
 from .rows import Cycle
 from .window import Window
@@ -45,20 +46,20 @@ def rainflow(values: ArrayLike) -> list[Cycle]:
 
 
 class Counted(NamedTuple):
-    """Cycles, largest range first; since when [s]; rounds of the belt since, None if not known."""
+    """Cycles of a joint or cell, largest range first."""
 
     cycles: list[Cycle]
-    begin: float
-    rounds: float | None
+    begin: float  # since when [s]
+    rounds: float | None = None  # of the belt since, if known
 
 
-def cycle_rows(window: Window, driver: int | None, joint: int) -> Counted:
+def cycle_rows(window: Window, joint: int) -> Counted:
     """Count the cycles of a joint over the last round of the belt or, if longer, the window."""
-    run, flows = window.run, window.params._belt_facts["flows"]
+    run, driver, flows = window.run, window.driver, window.params._belt_facts["flows"]
     for name in ("joints.force", *(("belt.passed",) if flows else ())):
         if not run._has(name):
             window.notes.append(f"no load cycles: {name} was not asked for")
-            return Counted([], float(window.t[0]), None)
+            return Counted([], float(window.t[0]))
     first, rounds = window.rows.start, None
     if driver is not None:
         gone = _gone(window, driver)
@@ -89,21 +90,17 @@ def _gone(window: Window, driver: int) -> Array:
     """Return the rounds of the belt from each sample of the run to its end (n_t,)."""
     run, params = window.run, window.params
     rim = np.abs(run.pulleys.omega[:, driver]) * params.pulleys[driver].radius
-    steps = 0.5 * np.diff(run.t) * (rim[1:] + rim[:-1]) / float(params.info["path_length"])
-    return np.concatenate([np.cumsum(steps[::-1])[::-1], [0.0]])
+    return integral(-run.t[::-1], rim[::-1])[::-1] / float(params.info["path_length"])
 
 
 def _classes(cycles: list[Cycle]) -> list[Cycle]:
     """Put cycles into classes by their ranges, and average in each."""
-    largest = max((one.range for one in cycles), default=0.0)
-    classes: dict[int, list[Cycle]] = {}
-    for one in cycles if largest > 0.0 else ():
-        classes.setdefault(min(int(CLASSES * one.range / largest), CLASSES - 1), []).append(one)
+    ranges, means, counts = np.array([attrs.astuple(one) for one in cycles]).reshape(-1, 3).T
+    which = np.minimum(CLASSES * ranges / ranges.max(initial=0.0), CLASSES - 1).astype(int)
     found = []
-    for _, inside in sorted(classes.items(), reverse=True):
-        values = np.array([attrs.astuple(one) for one in inside])
-        counts = values[:, 2]
-        if (total := float(counts.sum())) > 0.0:
-            means = (float(np.sum(column * counts) / total) for column in values[:, :2].T)
-            found.append(Cycle(**dict(zip(("range", "mean"), means, strict=True)), count=total))
+    for one in np.unique(which)[::-1]:
+        inside = which == one
+        total = float(counts[inside].sum())
+        size, mean = (float(np.sum((a * counts)[inside]) / total) for a in (ranges, means))
+        found.append(Cycle(range=size, mean=mean, count=total))
     return found

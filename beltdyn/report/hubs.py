@@ -2,37 +2,21 @@
 
 from __future__ import annotations
 
-import attrs
+import math
+from typing import Any
+
 import numpy as np
 
 from ..base.checks import Array
 from ..drive.span import Span
 from ..outputs.orders import belt_turning
 from ..outputs.places import routes
-from ..outputs.spans import Coordinates, mid_span, of_spans
-from .pulleys import spread
-from .rows import PulleyRow
-from .window import Window, missing
+from .window import Window
 
-__all__ = ["hub_statics", "middles", "with_hub_loads"]
+__all__ = ["hub_load", "hub_statics"]
 
-_OF_MIDDLE = ("belt.x", "belt.y", "belt.phi", "joints.force")
-
-
-def middles(window: Window) -> Array | None:
-    """Return the tension in the middle of each span (n_w, n_p) [N]; None: outputs are missing.
-
-    NaN where the belt is not there, as in a span shorter than a link.
-    """
-    run = window.run
-    if window.params._belt_facts["flows"]:
-        if missing(run, ("joints.force",)):
-            return None
-        return of_spans(window.params, window.of(run.joints.force))
-    if missing(run, _OF_MIDDLE):
-        return None
-    part = Coordinates(*(window.of(one) for one in (run.belt.x, run.belt.y, run.belt.phi)))
-    return mid_span(window.params, part, window.of(run.joints.force))
+#: Share of the tension at rest: a force below it is rounding, and has no direction.
+NEGLIGIBLE_FORCE = 1e-6
 
 
 def hub_statics(window: Window) -> Array | None:
@@ -43,15 +27,11 @@ def hub_statics(window: Window) -> Array | None:
     come to the same mean as links get shorter; but with every link that lands or leaves they swing
     by what is of the mesh, the more the fewer links there are.
     """
-    params = window.params
-    tension = middles(window)
+    params, tension = window.params, window.middles
     turning = belt_turning(window.run, window.rows)
-    travels = window.travels()
-    if tension is None or turning is None or len(params.pulleys) == 1:
+    if tension is None or turning is None or len(params.pulleys) == 1 or window.lost_mounts:
         return None
-    if params.mounted and travels is None:
-        return None
-    lines, _ = routes(params, travels)
+    lines, _ = routes(params, window.travels)
     way = np.array([one._ways for one in lines])
     spans = np.array([one.spans for one in lines])
     span = Span(params.belt, tension, turning[:, None] * float(params.info["length"]))
@@ -65,25 +45,22 @@ def hub_statics(window: Window) -> Array | None:
     return np.asarray(load)
 
 
-def with_hub_loads(
-    window: Window, rows: list[PulleyRow], statics: Array | None, passing: float
-) -> list[PulleyRow]:
-    """Take the hub loads from the spans; note where they are still those of the contact.
+def hub_load(window: Window, statics: Array | None, k: int) -> dict[str, Any]:
+    """Return the hub load of a pulley with its direction: from the spans, else of the contact.
 
-    Ranges are of running means over ``passing``, the time in which a link passes [s].
+    Ranges of the former are of running means over the time in which a link passes.
     """
-    found, kept = [], []
-    for k, row in enumerate(rows):
-        if row.hub_load is not None and (statics is None or np.isnan(statics[:, k]).any()):
-            kept.append(row.name)
-        elif row.hub_load is not None and statics is not None:
-            load = spread(window, np.hypot(*statics[:, k].T), passing)
-            x, y = window.mean(statics[:, k])
-            row = attrs.evolve(row, hub_load=load, hub_direction=float(np.arctan2(y, x)))
-        found.append(row)
-    if kept:
-        window.notes.append(
-            f"hub load of {', '.join(kept)}: from the contact, because tensions or axes are not "
-            "known; its range holds the blows of links that land, of the mesh"
-        )
+    load, passing, least = window.of(window.run.pulleys.load)[:, k], 0.0, NEGLIGIBLE_FORCE
+    if by_spans(statics, k):
+        assert statics is not None
+        load, passing, least = statics[:, k], window.passing, 0.0
+    found: dict[str, Any] = {"hub_load": window.spread(np.hypot(*load.T), passing)}
+    x, y = window.mean(load)
+    if math.hypot(x, y) >= least * float(window.params.info["strain_tension"]):
+        found["hub_direction"] = math.atan2(y, x)
     return found
+
+
+def by_spans(statics: Array | None, k: int) -> bool:
+    """Whether the hub load of a pulley is known from its spans."""
+    return statics is not None and not np.isnan(statics[:, k]).any()

@@ -10,17 +10,17 @@ import numpy as np
 from ..base.checks import integer, share_of_run
 from ..outputs.accuracy_report import Run
 from ..outputs.averages import LAST
-from .creep import creep_rows, driving, least_speed
+from .creep import creep_rows
 from .cycles import cycle_rows
-from .hubs import hub_statics, with_hub_loads
+from .hubs import hub_statics
 from .mounted import mount_rows
 from .powers import power_rows
-from .pulleys import pulley_rows, spread
+from .pulleys import pulley_rows
 from .report import Report
 from .rows import Creep, PulleyRow, Rows, Spread
 from .span_rows import span_rows
-from .touching import NEEDED, Touching, touching
-from .window import OF_ARCS, Window, missing
+from .touching import NEEDED
+from .window import OF_ARCS, Window
 
 __all__ = ["creep_of", "make_report"]
 
@@ -55,16 +55,14 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
     Raises:
         TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has not two samples.
     """
-    share = share_of_run("last", last)
-    n_b = run.params.n_bodies
+    share, params = share_of_run("last", last), run.params
     which = integer("joint", joint, 0)
-    if which >= n_b:
-        raise ValueError(f"joint must be < {n_b}, the number of joints, got {which}")
+    if which >= params.n_bodies:
+        raise ValueError(f"joint must be < {params.n_bodies}, the number of joints, got {which}")
     window = Window.last(run, share)
     notes = window.notes
     for names, parts in _PARTS:
-        lacking = missing(run, names)
-        if lacking:
+        if lacking := window.missing(names):
             notes.append(f"no {parts}: {', '.join(lacking)} not asked for (outputs of simulate)")
     if window.lost_mounts:
         notes.append(
@@ -72,37 +70,30 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
             "of the belt on pulleys with mounts and no split of their creep: mounts.travel not "
             "asked for (outputs of simulate)"
         )
-    touched = touching(window)
-    driver = driving(window, None if touched is None else touched.torques)
-    if touched is not None and touched.stands(window, least_speed(window)):
-        driver = None
+    driver, belt = window.driver, window.belt
     if driver is None and run._has("pulleys.omega"):
         notes.append("the belt stands still in this window: no creep; margins are those at rest")
-    if not run.params.has_friction:
+    if not params.has_friction:
         notes.append("there is no friction: the belt hands on no torque")
     _turns(window)
-    statics, belt = hub_statics(window), None if touched is None else touched.belt(window)
-    passing = 0.0 if touched is None else touched.passing(window)
-    pulleys = pulley_rows(window, touched, driver, margins)
-    pulleys = with_hub_loads(window, pulleys, statics, passing)
+    statics = hub_statics(window)
+    pulleys = pulley_rows(window, statics, margins)
     _bending(window, pulleys)
-    spans = span_rows(window, touched)
-    mounts = mount_rows(window, statics, passing)
-    creep: list[Creep] = []
-    if driver is not None and touched is not None and len(run.params.pulleys) > 1:
-        creep = creep_rows(window, touched, driver)
-    powers, efficiency, efficiency_error = power_rows(window, touched)
+    spans = span_rows(window)
+    mounts = mount_rows(window, statics)
+    creep = creep_rows(window)
+    powers, efficiency, efficiency_error = power_rows(window)
     notes += run.accuracy.notes
-    counted = cycle_rows(window, driver, which)
+    counted = cycle_rows(window, which)
     return Report(
         begin=float(window.t[0]),
         end=float(window.t[-1]),
         samples=window.t.size,
-        driver=None if driver is None else run.params.pulley_names[driver],
+        driver=None if driver is None else params.pulley_names[driver],
         belt_speed=None if belt is None else float(belt.speed),
-        belt_speeds=None if touched is None else _belt_speeds(window, touched),
+        belt_speeds=_belt_speeds(window),
         rest_tension=(
-            None if run.params._belt_facts["tangents"] else float(run.params.info["mean_tension"])
+            None if params._belt_facts["tangents"] else float(params.info["mean_tension"])
         ),
         mass_tension=None if belt is None else float(belt.centrifugal),
         pulleys=Rows(pulleys),
@@ -115,7 +106,7 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
         power_error=run.accuracy["power"].known,
         tension_error=run.accuracy["span_mean"].known,
         creep_error=run.accuracy["creep"].known,
-        nodes=run.params._belt_facts["nodes"],
+        nodes=params._belt_facts["nodes"],
         cycles=tuple(counted.cycles),
         joint=which,
         cycles_begin=counted.begin,
@@ -136,13 +127,9 @@ def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
     if run.t.size < 2 or not run.t[-1] > run.t[0] or not run._has("pulleys.omega"):
         return "", []
     window = Window.last(run, last)
-    touched = touching(window)
-    if touched is None or touched.stands(window, least_speed(window)):
+    if window.touching is None or window.driver is None:
         return "", []
-    driver = driving(window, touched.torques)
-    if driver is None:
-        return "", []
-    return run.params.pulley_names[driver], creep_rows(window, touched, driver)
+    return run.params.pulley_names[window.driver], creep_rows(window)
 
 
 def _turns(window: Window) -> None:
@@ -185,8 +172,9 @@ def _bending(window: Window, rows: list[PulleyRow]) -> None:
         )
 
 
-def _belt_speeds(window: Window, touched: Touching) -> Spread | None:
+def _belt_speeds(window: Window) -> Spread | None:
     """Return the speed of the belt with its range."""
-    smooth = window.smoothed(touched.speeds[:, None], touched.passing(window))[:, 0]
-    found = spread(window, smooth * touched.stretch.mean(axis=1))
-    return None if found is None else attrs.evolve(found, mean=float(touched.belt(window).speed))
+    if window.touching is None or window.belt is None:
+        return None
+    found = window.spread(window.speeds * window.touching.stretch.mean(axis=1))
+    return found and attrs.evolve(found, mean=float(window.belt.speed))

@@ -7,15 +7,17 @@ import numpy as np
 from .. import _core
 from ..base.rounding import percent
 from ..drive import sanity
+from ..outputs.arcs import per_pulley
 from .digits import number
 from .rows import RESIDUAL, Power
 from .touching import Touching
-from .window import Window, missing
+from .window import Window
 
 __all__ = ["PATHS", "power_rows"]
 
-#: Name of what axes on paths put in or take off.
-PATHS = "axes that follow a path"
+#: Work of the belt on axes that are led along a path, put in or taken off by what leads them; and
+#: what that is called.
+_PATH, PATHS = "path_work", "axes that follow a path"
 _LOSSES = {
     "joint_loss": "damping of the belt",
     "contact_loss": "damping in the contact",
@@ -24,15 +26,11 @@ _LOSSES = {
     "mount_loss": "dampers and friction of mounts",
     "coupling_loss": "dampers of couplings",
 }
-#: Work of the belt on axes that are led along a path: taken off by what leads them, or put in.
-_PATH = "path_work"
 #: Share of what is put in by which what is stored may change for an efficiency to mean something.
 STORED = 0.01
 
 
-def power_rows(
-    window: Window, touching: Touching | None
-) -> tuple[list[Power], float | None, float | None]:
+def power_rows(window: Window) -> tuple[list[Power], float | None, float | None]:
     """Return the rows, the efficiency and its error; note what is missing.
 
     Losses and the change of what is stored are differences of the ledger over the window, exact but
@@ -50,7 +48,7 @@ def power_rows(
         notes.append("no powers: the run has no energy ledger (ledger=False)")
     elif not (run._has("pulleys.omega") and run._has("pulleys.torque")):
         notes.append("no powers: pulleys.omega or pulleys.torque not asked for")
-    if energy is None or missing(run, ("energy", "pulleys.omega", "pulleys.torque")):
+    if energy is None or window.missing(("pulleys.omega", "pulleys.torque")):
         return [], None, None
 
     def rate(history: np.ndarray | None) -> float:
@@ -71,19 +69,19 @@ def power_rows(
     taken = [k for k, power in enumerate(powers) if power < -1e-9 * scale]
     path = rate(getattr(energy, _PATH, None))
     put_in = float(sum(powers[k] for k in given)) + max(0.0, -path)
-
     rows: list[tuple[str, str, float]] = [(names[k], "in", float(powers[k])) for k in given]
     rows += [(names[k], "out", -float(powers[k])) for k in taken]
     if path != 0.0:
         rows.append((PATHS, "in" if path < 0.0 else "out", abs(path)))
     lost, held = 0.0, rate(bristles)
     for term, text in _LOSSES.items():
-        if getattr(energy, term, None) is None:
+        history = getattr(energy, term, None)
+        if history is None:
             continue
-        power = rate(getattr(energy, term)) - (held if term == "mount_loss" else 0.0)
+        power = rate(history) - (held if term == "mount_loss" else 0.0)
         lost += power
-        if term == "friction_loss" and touching is not None and window.params.has_friction:
-            rows += _friction(window, touching, power)
+        if term == "friction_loss" and window.touching and window.params.has_friction:
+            rows += _friction(window, window.touching, power)
         else:
             rows.append((text, "lost", power))
     known = {name for name, kind, _ in _core.ENERGY_TERMS if kind == "LOST"}
@@ -136,11 +134,7 @@ def _bristles(window: Window) -> np.ndarray | None:
 
 def _friction(window: Window, touching: Touching, whole: float) -> list[tuple[str, str, float]]:
     """Split the loss to friction by pulley: F v summed over the samples."""
-    contact = window.run.contact
-    lost = window.of(contact.friction) * window.of(contact.velocity)
-    rows, split = [], 0.0
-    for k, name in enumerate(window.params.pulley_names):
-        power = float(window.mean(np.sum(np.where(touching.pulley == k, lost, 0.0), axis=1)))
-        split += power
-        rows.append((f"friction on {name}", "lost", power))
-    return [*rows, ("friction, error of sampling", "lost", whole - split)]
+    names, velocity = window.params.pulley_names, window.of(window.run.contact.velocity)
+    split = window.mean(per_pulley(touching.friction * velocity, touching.pulley, len(names)))
+    rows = [(f"friction on {name}", "lost", float(split[k])) for k, name in enumerate(names)]
+    return [*rows, ("friction, error of sampling", "lost", whole - float(sum(split)))]

@@ -45,25 +45,15 @@ _CLOSE, _SLACK = 1e-6, 1e-3
 
 @attrs.frozen(kw_only=True, eq=False)
 class Steady:
-    """A mean state of a running belt.
-
-    Attributes:
-        params: The drive.
-        tension: Tension of the span after each pulley (n_p,) [N].
-        torque: Torque of the belt on each pulley, counter-clockwise (n_p,) [N m].
-        speed: Stress-free length that passes in a second, in the order of the links [m/s].
-        driver: The pulley whose speed is held.
-        travel: Mean travels of the mounts (n_m,) [rad, m, s].
-        friction: Coefficients in full slip (n_p,) [1]; None: those of the laws in fast slip.
-    """
+    """A mean state of a running belt."""
 
     params: Params
-    tension: Array
-    torque: Array
-    speed: float
-    driver: int
-    travel: Array
-    friction: Array | None = None
+    tension: Array  # of the span after each pulley (n_p,) [N]
+    torque: Array  # of the belt on each pulley, counter-clockwise (n_p,) [N m]
+    speed: float  # stress-free length that passes in a second, in the order of the links [m/s]
+    driver: int  # the pulley whose speed is held
+    travel: Array  # of the mounts (n_m,) [rad, m, s]
+    friction: Array | None = None  # coefficients (n_p,) [1]; None: those in fast slip
 
 
 @attrs.frozen(kw_only=True)

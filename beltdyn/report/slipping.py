@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..drive.span import Span
 from ..outputs.arcs import in_slip
-from ..outputs.gross_slip import durations
+from ..outputs.averages import durations
 from .rows import PulleyRow, Spread
 from .slip_torque import FullSlip, Steady, full_slip
-from .touching import Touching
 from .window import Window
 
 __all__ = ["friction_limits", "slip_rows"]
@@ -33,13 +32,14 @@ SWINGS = 0.3
 _NO_STATE = (ValueError, np.linalg.LinAlgError)
 
 
-def friction_limits(window: Window, touching: Touching) -> Array:
+def friction_limits(window: Window) -> Array:
     """Return the friction coefficient that each pulley's law reaches in this window (n_p,) [1].
 
     Where it depends on the slip velocity (Stribeck), the highest at the slip velocities of the
     window; else that of full slip. A pulley that begins to slip in full slips faster than these.
     """
-    params = window.params
+    params, touching = window.params, window.touching
+    assert touching is not None
     limits = np.array(params._slip_limits[0], dtype=float)
     for k in range(limits.size):
         law = params.friction_on(k)
@@ -52,54 +52,49 @@ def friction_limits(window: Window, touching: Touching) -> Array:
     return limits
 
 
-def slip_rows(
-    window: Window,
-    touching: Touching,
-    driver: int | None,
-    rows: list[PulleyRow],
-    margins: bool = True,
-) -> list[PulleyRow]:
+def slip_rows(window: Window, rows: list[PulleyRow], margins: bool = True) -> list[PulleyRow]:
     """Add ratios of tensions, friction in use and margins; note what is missing."""
-    spans, way = window.spans(), window.route()
+    spans, way = window.spans, window.route
     if spans is None or spans.shape[1] < 2 or way is None:
         return rows
     tension = window.mean(spans)
     if np.isnan(tension).any():
         return rows
-    return _Slipping(window, touching, driver, spans, way.wraps).rows(tension, rows, margins)
+    slipping = _Slipping(window, spans, way.wraps, tension)
+    slipping.add_ratios()
+    slipping.note_full_slips()
+    if margins:
+        slipping.add_margins()
+    slipping.note_falling_friction()
+    return [attrs.evolve(row, **found) for row, found in zip(rows, slipping.found, strict=True)]
 
 
 class _Slipping:
-    def __init__(
-        self, window: Window, touching: Touching, driver: int | None, spans: Array, wraps: Array
-    ) -> None:
-        self.window, self.touching, self.wraps = window, touching, wraps
-        self.params, self.driver = window.params, driver
+    """What is found of each pulley, by the fields of its row."""
+
+    def __init__(self, window: Window, spans: Array, wraps: Array, tension: Array) -> None:
+        assert window.touching is not None
+        self.window, self.touching, self.wraps = window, window.touching, wraps
+        self.params, self.notes, self.tension = window.params, window.notes, tension
         # A pulley in full slip gets faster: a law that falls is down to what it has in fast slip.
         self.mu = np.array(self.params._slip_limits[0], dtype=float)
-        self.reached = friction_limits(window, touching)
+        self.reached = friction_limits(window)
+        self.falls = self.reached > 1.01 * self.mu
         self.radii = self.params._radii
         # A shorter wrap is now and then without a link, and nothing holds its spans apart.
         least = 0.0 if self.params._belt_facts["flows"] else self.params.info["link_length"]
         self.holds = wraps * self.radii >= least
-        self.notes = window.notes
-        width = touching.passing(window)
-        self.tensions = window.smoothed(spans, width)
-        self.speeds = window.smoothed(touching.speeds[:, None], width)[:, 0]
-        self.torques = window.smoothed(touching.torques, width)
+        self.tensions = window.smoothed(spans, window.passing)
+        self.speeds = window.speeds
+        self.torques = window.smoothed(self.touching.torques, window.passing)
+        over_time = Span(self.params.belt, self.tensions, self.speeds[:, None])
+        self.over_time = self._used(over_time.pull)
         self.slips: NDArray[np.bool_] = np.zeros(self.radii.size, dtype=np.bool_)
-        if touching.gross is not None:
-            self.slips = np.asarray(np.any(touching.gross.slips, axis=0), dtype=np.bool_)
-        travels = window.travels()
-        self.travels = np.zeros((window.t.size, 0)) if travels is None else travels
-
-    def rows(self, tension: Array, rows: list[PulleyRow], margins: bool) -> list[PulleyRow]:
-        rows = self._ratios(tension, rows)
-        self._full_slips()
-        if margins:
-            rows = self._margins(tension, rows)
-        self._curves(rows)
-        return rows
+        if self.touching.gross is not None:
+            self.slips = np.asarray(self.touching.gross.slips.any(axis=0))
+        none = np.zeros((window.t.size, 0))
+        self.travels = none if window.travels is None else window.travels
+        self.found: list[dict[str, Any]] = [{} for _ in self.radii]
 
     def _used(self, pull: Array) -> Array:
         """Return the part of the friction in use, from tensions less rho v^2 (..., n_p)."""
@@ -111,23 +106,20 @@ class _Slipping:
         unknown = np.isnan(pull) | np.isnan(before) | (self.mu == 0.0) | ~self.holds
         return np.where(unknown, np.nan, used)
 
-    def _ratios(self, tension: Array, rows: list[PulleyRow]) -> list[PulleyRow]:
+    def add_ratios(self) -> None:
         params = self.params
-        pull = Span(self.params.belt, tension, self.touching.speed).pull
-        spans = Span(self.params.belt, self.tensions, self.speeds[:, None])
-        self.over_time = self._used(spans.pull)
+        pull = Span(params.belt, self.tension, self.touching.speed).pull
         mean = self._used(pull)
-        found = []
-        for k, row in enumerate(rows):
-            tight, slack = max(pull[k], pull[k - 1]), min(pull[k], pull[k - 1])
-            changes: dict[str, Any] = {"tight": float(tight), "slack": float(slack)}
+        for k, found in enumerate(self.found):
+            tight, slack = float(max(pull[k], pull[k - 1])), float(min(pull[k], pull[k - 1]))
+            found |= {"tight": tight, "slack": slack}
             if not self.holds[k]:
                 self.notes.append(
                     f"{params.label(k)}: less than a link lies on it, and when none does friction "
                     "does not hold its spans apart: no ratio of tensions, no friction in use"
                 )
             elif slack > 0.0:
-                changes["ratio"] = float(tight / slack)
+                found["ratio"] = tight / slack
             else:
                 self.notes.append(
                     f"{params.label(k)}: its slack span is slack, {slack:.3g} N less rho v^2: "
@@ -135,84 +127,80 @@ class _Slipping:
                 )
             if self.mu[k] > 0.0:
                 with np.errstate(over="ignore"):  # of a belt that cannot slip: unlimited
-                    changes["limit"] = float(np.exp(self.mu[k] * self.wraps[k]))
+                    found["limit"] = float(np.exp(self.mu[k] * self.wraps[k]))
                 if slack > 0.0 and self.holds[k]:
-                    changes["used"] = float(mean[k])
+                    found["used"] = float(mean[k])
                 history = self.over_time[:, k]
                 if not np.isnan(history).all():
                     finite = np.where(np.isinf(history), np.nan, history)
                     ends = float(np.nanmin(history)), float(np.nanmax(history))
-                    changes["used_range"] = Spread(float(self.window.mean(finite)), *ends)
+                    found["used_range"] = Spread(float(self.window.mean(finite)), *ends)
             elif params.has_friction:
                 self.notes.append(
                     f"{params.label(k)} has no friction: it can hold no torque of the belt"
                 )
-            found.append(attrs.evolve(row, **changes))
-        return found
 
-    def _falls(self) -> NDArray[np.bool_]:
-        """Return on which pulleys friction is higher in this window than in fast slip."""
-        return np.asarray(self.reached > 1.01 * self.mu)
-
-    def _curves(self, rows: list[PulleyRow]) -> None:
-        """Describe where friction falls once a pulley slips, and what it holds until then."""
-        for k in np.flatnonzero(self._falls()):
-            held = rows[k].sticking_margin
-            until = ""
-            if held is not None and math.isfinite(held):
-                until = f"; with {self.reached[k]:.3g}, while nothing makes it slip, {held:.2g}"
-            self.notes.append(
-                f"{self.params.label(int(k))}: friction falls with slip velocity, from "
-                f"{self.reached[k]:.3g} at those of this window to {self.mu[k]:.3g} in fast slip. "
-                f"Limit, part in use and margin are for {self.mu[k]:.3g}{until}"
-            )
-
-    def _full_slips(self) -> None:
-        gross = self.touching.gross
-        if gross is None:
-            return
-        t, lasts = self.window.t, durations(self.window.t)
-        for k in np.flatnonzero(self.slips):
+    def note_full_slips(self) -> None:
+        gross, t, lasts = self.touching.gross, self.window.t, durations(self.window.t)
+        for k in np.flatnonzero(self.slips).tolist():
+            assert gross is not None
             during = np.flatnonzero(gross.slips[:, k])
             whole = float(np.sum(lasts[during]))
             self.notes.append(
-                f"full_slip: {self.params.label(int(k))} slips over its whole wrap in this window, "
+                f"full_slip: {self.params.label(k)} slips over its whole wrap in this window, "
                 f"for {whole:.3g} of {self.window.lasts:.3g} s between t = {t[during[0]]:.4g} and "
                 f"{t[during[-1]]:.4g} s, by {gross.slip_distance[k]:.2g} m: it has no margin left"
             )
 
+    def note_falling_friction(self) -> None:
+        """Describe where friction falls once a pulley slips, and what it holds until then."""
+        for k in np.flatnonzero(self.falls).tolist():
+            held, until = self.found[k].get("sticking_margin"), ""
+            if held is not None and math.isfinite(held):
+                until = f"; with {self.reached[k]:.3g}, while nothing makes it slip, {held:.2g}"
+            self.notes.append(
+                f"{self.params.label(k)}: friction falls with slip velocity, from "
+                f"{self.reached[k]:.3g} at those of this window to {self.mu[k]:.3g} in fast slip. "
+                f"Limit, part in use and margin are for {self.mu[k]:.3g}{until}"
+            )
+
     # --- Margins ----------------------------------------------------------------------------------
 
-    def _margins(self, tension: Array, rows: list[PulleyRow]) -> list[PulleyRow]:
-        params, window = self.params, self.window
-        if not params.has_friction:
-            return rows
-        torque = window.mean(self.touching.torques)
-        scale = IDLE * float(np.mean(tension))
+    def add_margins(self) -> None:
+        if not self.params.has_friction:
+            return
+        torque = self.window.mean(self.touching.torques)
+        scale = IDLE * float(np.mean(self.tension))
         most = np.max(np.abs(np.nan_to_num(self.torques)), axis=0)
-        in_mean = (self.mu > 0.0) & (np.abs(torque) / self.radii > scale)
         used = np.nanmax(np.nan_to_num(self.over_time), axis=0)
+        in_mean = (self.mu > 0.0) & (np.abs(torque) / self.radii > scale)
         swings = (self.mu > 0.0) & (most / self.radii > scale) & (used > SWINGS)
         working = in_mean | swings
-        if not working.any():
+        if working.any():
+            none = ~working & ~self.slips & (self.mu > 0.0)  # that of one that slips is used up
+            idle = [self.params.pulley_names[k] for k in np.flatnonzero(none)]
+            if idle:
+                self.notes.append(f"no margin to slip, for want of a load: {', '.join(idle)}")
+            if in_mean.any():
+                self._add_margins_of_means(torque, in_mean)
+            for k in np.flatnonzero(working).tolist():
+                self._add_worst(k)
+        else:
             self.notes.append("no margin to slip: the belt hands on no torque in this window")
-            return [self._capped(row, k) for k, row in enumerate(rows)]
-        none = ~working & ~self.slips & (self.mu > 0.0)  # that of a pulley that slips is used up
-        idle = [row.name for k, row in enumerate(rows) if none[k]]
-        if idle:
-            self.notes.append(f"no margin to slip, for want of a load: {', '.join(idle)}")
-        rows = self._of_means(tension, torque, in_mean, rows)
-        rows = [self._worst(row, k) if working[k] else row for k, row in enumerate(rows)]
-        return [self._capped(row, k) for k, row in enumerate(rows)]
+        for found, slips in zip(self.found, self.slips, strict=True):
+            margins = ("margin", "least_margin", "own_margin", "sticking_margin")
+            if slips:  # it has none left
+                found |= {"margin": 1.0, "least_margin": 1.0} | {
+                    name: min(found[name], 1.0) for name in margins if name in found
+                }
+            if "margin" in found and "least_margin" in found:
+                found["least_margin"] = min(found["margin"], found["least_margin"])
 
-    def _of_means(
-        self, tension: Array, torque: Array, working: Any, rows: list[PulleyRow]
-    ) -> list[PulleyRow]:
+    def _add_margins_of_means(self, torque: Array, working: NDArray[np.bool_]) -> None:
         """Add the factors by which mean torques can grow, all together and each by itself."""
-        if not working.any():
-            return rows
-        if self.driver is not None and self.touching.reverses(self.window):
-            mean = float(np.mean(tension))
+        window = self.window
+        if window.driver is not None and window.reverses:
+            mean = float(np.mean(self.tension))
             low, high = (
                 Span(self.params.belt, mean, end(self.speeds)).speed
                 for end in (np.nanmin, np.nanmax)
@@ -221,53 +209,52 @@ class _Slipping:
                 f"no margin of mean torques: the belt's speed goes from {low:.3g} to "
                 f"{high:.3g} m/s in this window"
             )
-            return rows
-        driver, speed = self.driver, self.touching.speed
+            return
+        driver, speed = window.driver, self.touching.speed
         if driver is None:  # it stands still: what holds it makes up for the rest
             driver, speed = int(np.argmax(np.abs(torque))), 0.0
-        travels, sticking = self.window.mean(self.travels), []
-        state = self._state(driver, tension, torque, speed, travels)
+        travels, sticking = window.mean(self.travels), []
+        state = self._state(driver, self.tension, torque, speed, travels)
         try:
             together = full_slip(state)
-            if self._falls().any():
+            if self.falls.any():
                 sticking = full_slip(attrs.evolve(state, friction=self.reached))
         except _NO_STATE as error:
             self.notes.append(f"no margin of mean torques: {error}")
-            return rows
-        found = []
-        for k, (row, one) in enumerate(zip(rows, together, strict=True)):
-            if working[k] and one is not None:
-                row = attrs.evolve(row, margin=one.factor)
-                if math.isfinite(one.factor):
-                    row = attrs.evolve(row, slip_torque=one.torque, slip_tensions=one.tensions)
-                if sticking and (held := sticking[k]) is not None and self._falls()[k]:
-                    row = attrs.evolve(row, sticking_margin=held.factor)
-                alone = one if k == driver else _found(state, k, alone=True)
-                if alone is not None:
-                    own = None if math.isinf(alone.factor) else alone.torque
-                    row = attrs.evolve(row, own_margin=alone.factor, own_slip_torque=own)
-            found.append(row)
-        return found
+            return
+        for k in np.flatnonzero(working).tolist():
+            found, one = self.found[k], together[k]
+            if one is None:
+                continue
+            found["margin"] = one.factor
+            if math.isfinite(one.factor):
+                found |= {"slip_torque": one.torque, "slip_tensions": one.tensions}
+            if self.falls[k] and (held := sticking[k]) is not None:
+                found["sticking_margin"] = held.factor
+            alone = one if k == driver else _found(state, k, alone=True)
+            if alone is not None:
+                own = None if math.isinf(alone.factor) else alone.torque
+                found |= {"own_margin": alone.factor, "own_slip_torque": own}
 
-    def _worst(self, row: PulleyRow, k: int) -> PulleyRow:
+    def _add_worst(self, k: int) -> None:
         """Add the margin at the instant at which most of the friction is in use."""
-        history = self.over_time[:, k]
+        history, found = self.over_time[:, k], self.found[k]
         if np.isnan(history).all():
-            return row
+            return
         at = int(np.nanargmax(history))
         when = float(self.window.t[at])
         if math.isinf(history[at]):
-            return attrs.evolve(row, least_margin=1.0, worst_time=when)
+            found |= {"least_margin": 1.0, "worst_time": when}
+            return
         torque, speed = self.torques[at], float(self.speeds[at])
-        if self.driver is None:
+        if self.window.driver is None:
             driver, speed = int(np.argmax(np.abs(torque))), 0.0
         else:
-            driver = int(np.argmin(torque * self.window.of(self.window.run.pulleys.omega)[at]))
-        state = self._state(driver, self.tensions[at], torque, speed, self.travels[at])
-        one = _found(state, k)
-        if one is None or (math.isinf(one.factor) and row.margin is None):
-            return row
-        return attrs.evolve(row, least_margin=one.factor, worst_time=when)
+            omega = self.window.of(self.window.run.pulleys.omega)[at]
+            driver = int(np.argmin(torque * omega))
+        one = _found(self._state(driver, self.tensions[at], torque, speed, self.travels[at]), k)
+        if one is not None and (math.isfinite(one.factor) or "margin" in found):
+            found |= {"least_margin": one.factor, "worst_time": when}
 
     def _state(
         self, driver: int, tension: Array, torque: Array, speed: float, travel: Array
@@ -281,21 +268,6 @@ class _Slipping:
             travel=travel,
             friction=self.mu,
         )
-
-    def _capped(self, row: PulleyRow, k: int) -> PulleyRow:
-        """Limit the margins of a pulley that slips in full; the least is at most that of means."""
-        margins: dict[str, Any] = {"margin": row.margin, "least_margin": row.least_margin}
-        others: dict[str, Any] = {
-            "own_margin": row.own_margin,
-            "sticking_margin": row.sticking_margin,
-        }
-        if self.slips[k]:
-            margins = {name: 1.0 if one is None else min(one, 1.0) for name, one in margins.items()}
-            others = {name: one if one is None else min(one, 1.0) for name, one in others.items()}
-        known = [one for one in margins.values() if one is not None]
-        if len(known) == 2:
-            margins["least_margin"] = min(known)
-        return attrs.evolve(row, **margins, **others)
 
 
 def _found(state: Steady, k: int, *, alone: bool = False) -> FullSlip | None:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
+import attrs
 import numpy as np
 from numpy.typing import NDArray
 
 from ..base.checks import Array
-from ..base.naming import span_name
+from ..base.naming import span_names
 from ..drive.span import Span
 from ..outputs.averages import mean_over, time_weights
 from ..outputs.orders import Source, lines_at, sources
-from .hubs import middles
-from .pulleys import spread
 from .rows import SpanRow, Spread
-from .touching import Touching
 from .window import Window
 
-__all__ = ["Line", "dominant", "span_rows", "uneven"]
+__all__ = ["dominant", "line_of", "span_rows"]
 
 #: A line stands out if it holds this part of the variance and is this many times the median of the
 #: spectrum: of noise, the largest of 1e4 bins is not so high in one case of a hundred.
@@ -32,9 +31,9 @@ EVEN = 1e-3
 
 
 class Line(NamedTuple):
-    """A line of a spectrum: frequency [Hz], amplitude."""
+    """A line of a spectrum."""
 
-    frequency: float
+    frequency: float  # [Hz]
     amplitude: float
 
 
@@ -55,13 +54,9 @@ def dominant(t: Array, values: Array) -> Line | None:
     if n % 2 == 0:
         power = power[:-1]  # at half the sampling rate amplitude and phase cannot be told apart
     tail = power[LEAST:]
-    if tail.size < 3 or not tail.max() > 0.0:
-        return None
-    k = LEAST + int(np.argmax(tail))
-    if k + 1 >= power.size:
-        return None
+    k = LEAST + int(np.argmax(tail)) if tail.size > 2 else power.size
     near = power[k - 1 : k + 2]
-    if near[1] < near.max():  # the flank of a trend
+    if near.size < 3 or not near[1] > 0.0 or near[1] < near.max():  # the flank of a trend
         return None
     if near.sum() < PART * power[1:].sum() or near[1] < ABOVE * np.median(power[1:]):
         return None
@@ -76,40 +71,33 @@ def dominant(t: Array, values: Array) -> Line | None:
     return Line(float((k + shift) * step), float(amplitude))
 
 
-def span_rows(window: Window, touching: Touching | None) -> list[SpanRow]:
+def line_of(window: Window, history: Array, least: float) -> dict[str, float]:
+    """Return frequency and amplitude of the dominant line, if there is one above ``least``."""
+    line = None if uneven(window) else dominant(window.t, history)
+    return {} if line is None or not line.amplitude > least else line._asdict()
+
+
+def span_rows(window: Window) -> list[SpanRow]:
     """Return the rows; note what is missing in them."""
-    params, run, notes = window.params, window.run, window.notes
-    n_p = len(params.pulleys)
-    if n_p == 1:
+    params, run, notes, way = window.params, window.run, window.notes, window.route
+    if len(params.pulleys) == 1:
         notes.append("one pulley: there is no span between two")
         return []
-    way = window.route()
-    names = params.pulley_names
-    spans = window.spans()
+    spans, middles = window.spans, None if way is None else window.middles
     means = None if spans is None else window.mean(spans)
-    middle = None if way is None else middles(window)
-    absent = None if middle is None else np.isnan(middle).mean(axis=0)
     not_even = uneven(window)
     found = () if not_even else sources(run, window.rows)
     if not_even:
         notes.append(f"no frequencies of spans: {not_even}")
-    passing = 0.0 if touching is None else touching.passing(window)
     rows = []
-    for k in range(n_p):
-        name = span_name(k, names, unnamed=f"{names[k]} to {names[(k + 1) % n_p]}")
+    for k, name in enumerate(span_names(params.pulley_names)):
         row: dict[str, Any] = {"name": name, "length": None if way is None else float(way.spans[k])}
-        history = None
-        if middle is not None and absent is not None and absent[k] == 0.0:
-            history = middle[:, k]
-        elif spans is not None and not np.isnan(spans[:, k]).any():
-            history = spans[:, k]
-        if history is not None:
-            of_middle = spread(window, history, passing)
-            assert of_middle is not None
-            mean = of_middle.mean if means is None else float(means[k])
-            row["tension"] = Spread(mean, of_middle.least, of_middle.most)
-        elif means is not None and not np.isnan(means[k]):
-            row["tension"] = spread(window, spans[:, k], passing)  # type: ignore[index]
+        known = [one[:, k] for one in (middles, spans) if one is not None]
+        history = next((one for one in known if not np.isnan(one).any()), None)
+        samples = spans[:, k] if history is None and spans is not None else history
+        tension = None if samples is None else window.spread(samples, window.passing)
+        if tension is not None and means is not None:
+            tension = attrs.evolve(tension, mean=float(means[k]))
         if spans is not None:
             whole = run.span_tension[:, k]
             there = whole[~np.isnan(whole)]
@@ -119,23 +107,21 @@ def span_rows(window: Window, touching: Touching | None) -> list[SpanRow]:
                 row["of_run"] = Spread(mean, float(there.min()), float(there.max()))
             if 0 < there.size < whole.size:
                 notes.append(f"span {name}: {_without(window, k, np.isnan(whole))}")
-        tension = row.get("tension")
-        if tension is None and (spans is not None or middle is not None):
+        if tension is None and known:
             notes.append(f"span {name}: no link of it is free of both pulleys in this window")
-        least = tension.least if history is None and tension is not None else np.inf
+        least = math.inf if tension is None else tension.least
         if history is not None:
             least = float(np.nanmin(history))  # of instants: a blow is none of the mesh
         if least <= 0.0:
             notes.append(f"span {name} goes slack: down to {least:.3g} N in its middle")
-        if tension is not None and tension.mean > 0.0 and touching is not None and way is not None:
-            span = Span(params.belt, tension.mean, touching.speed)
+        if tension is not None and tension.mean > 0.0 and window.belt is not None and way:
+            span = Span(params.belt, tension.mean, window.belt.flow)
             row["lateral"] = span.string_frequency(row["length"])
-        if history is not None and not not_even and tension is not None:
-            line = dominant(window.t, history)
-            if line is not None and line.amplitude > MIN_AMPLITUDE * abs(tension.mean):
-                row |= {"frequency": line.frequency, "amplitude": line.amplitude}
-                row["link_passing"] = _of_links(found, window.t, line.frequency)
-        rows.append(SpanRow(**row))
+        if history is not None and tension is not None:
+            row |= line_of(window, history, MIN_AMPLITUDE * abs(tension.mean))
+        if "frequency" in row:
+            row["link_passing"] = _of_links(found, window.t, row["frequency"])
+        rows.append(SpanRow(**row, tension=tension))
     if not not_even and any(row.tension and row.frequency is None for row in rows):
         notes.append(
             f"lines of the spans below {LEAST / window.lasts:.3g} Hz, of which the window does not "

@@ -1,8 +1,9 @@
-"""Window of a report: its samples, means over them, whether it is steady."""
+"""Window of a report: its samples, means over them, whether it is steady, what drives the belt."""
 
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Collection
 from typing import Any
 
@@ -13,13 +14,16 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..drive.params import Params
 from ..drive.route import Route, route_at
+from ..drive.span import Span
 from ..outputs.accuracy_report import Run
 from ..outputs.arcs import Arcs, arcs_of
-from ..outputs.averages import mean_over, time_weights
-from ..outputs.histories import BeltHistory, ContactHistory
+from ..outputs.averages import integral, mean_over, time_weights
 from ..outputs.selection import lacking
+from ..outputs.spans import mid_span
+from .rows import Spread
+from .touching import NEEDED, Touching, touching
 
-__all__ = ["OF_ARCS", "Window", "missing"]
+__all__ = ["OF_ARCS", "Window"]
 
 #: The outputs that arcs are found from.
 OF_ARCS = (
@@ -38,29 +42,21 @@ OF_ARCS = (
 #: that lands does to a mean of some passings of links.
 STEADY = 0.01
 _HALVES = " from the first half of the window to the second"
-
-
-def missing(run: Run, names: Collection[str]) -> list[str]:
-    """Return the outputs, of these, that the belt has but the run was not asked for."""
-    lacks = lacking(run.params)
-    return [name for name in names if not run._has(name) and name not in lacks]
+#: Links that must pass in a window for a mean over the time of one to tell the mesh from the drive.
+PASSINGS = 10.0
+#: A belt stands still that moves by less than this part of a link, or is slower than this share of
+#: the highest speed of its rims, or than errors of speeds leave, ``info["drag_speed"]``.
+STILL, STANDSTILL_SPEED = 0.1, 1e-3
 
 
 @attrs.frozen(eq=False, kw_only=True)
 class Window:
-    """The last part of a run, in samples.
-
-    Attributes:
-        run: The run.
-        rows: Its samples.
-        weights: Weights of the trapezoidal rule over the times of these samples, of sum 1 (n_w,).
-        notes: What could not be determined, and why.
-    """
+    """The last part of a run, in samples."""
 
     run: Run
     rows: slice
-    weights: Array
-    notes: list[str] = attrs.field(factory=list)
+    weights: Array  # of the trapezoidal rule over the times of these samples, of sum 1 (n_w,)
+    notes: list[str] = attrs.field(factory=list)  # what could not be determined, and why
 
     @classmethod
     def last(cls, run: Run, share: float) -> Window:
@@ -92,6 +88,13 @@ class Window:
         """How long it is [s]."""
         return float(self.t[-1] - self.t[0])
 
+    def missing(self, names: Collection[str]) -> list[str]:
+        """Return the outputs, of these, that the belt has but the run was not asked for."""
+        lacks = lacking(self.params)
+        return [name for name in names if not self.run._has(name) and name not in lacks]
+
+    # --- Samples ----------------------------------------------------------------------------------
+
     def of(self, history: NDArray[Any]) -> NDArray[Any]:
         """Return the samples of a history (n_t, ...) that are in the window."""
         return history[self.rows]
@@ -99,6 +102,17 @@ class Window:
     def mean(self, samples: Array) -> Array:
         """Return the mean over time of samples in the window (n_w, ...), NaN left out."""
         return mean_over(self.weights, samples)
+
+    def spread(self, samples: Array, passing: float = 0.0) -> Spread | None:
+        """Return mean, least and largest of samples (n_w,); None if all are missing.
+
+        The ends are those of running means over ``passing`` [s], if it is > 0.
+        """
+        smooth = self.smoothed(samples[:, None], passing)
+        there = smooth[~np.isnan(smooth)]
+        if there.size == 0:
+            return None
+        return Spread(float(self.mean(samples)), float(there.min()), float(there.max()))
 
     def smoothed(self, samples: Array, width: float) -> Array:
         """Return the running mean over a time [s] of samples (n_w, n), NaN left out.
@@ -116,82 +130,157 @@ class Window:
         found = np.full(samples.shape, np.nan)
         there = ~np.isnan(samples)
         for k in range(samples.shape[1]):
-            parts = [
+            summed, counted = (
                 np.interp(t + half, t, total) - np.interp(t - half, t, total)
                 for total in (
-                    _integral(t, np.where(there[:, k], samples[:, k], 0.0)),
-                    _integral(t, there[:, k].astype(float)),
+                    integral(t, np.where(there[:, k], samples[:, k], 0.0)),
+                    integral(t, there[:, k].astype(float)),
                 )
-            ]
-            known = whole & (parts[1] > 0.5 * width)
-            found[known, k] = parts[0][known] / parts[1][known]
+            )
+            known = whole & (counted > 0.5 * width)
+            found[known, k] = summed[known] / counted[known]
         return found
 
+    # --- The drive in it --------------------------------------------------------------------------
+
+    @functools.cached_property
     def travels(self) -> Array | None:
-        """Return the travels of the mounts (n_w, n_m); None without mounts, or not asked for."""
+        """Travels of the mounts (n_w, n_m); None without mounts, or not asked for."""
         mounts = self.run.mounts
         if mounts is None or not self.run._has("mounts.travel"):
             return None
         return np.asarray(self.of(mounts.travel))
 
+    @property
+    def lost_mounts(self) -> bool:
+        """Whether pulleys are on mounts whose travels the run was not asked for."""
+        return bool(self.params.mounted) and self.travels is None
+
     @functools.cached_property
     def centers(self) -> Array:
-        """Return the axes of the pulleys at the samples (n_w, n_p, 2) [m].
-
-        Where the run has not kept travels of the mounts, these rest.
-        """
-        travels = self.travels()
-        if travels is None:
+        """Axes of the pulleys (n_w, n_p, 2) [m]; of mounts without travels, where these rest."""
+        if self.travels is None:
             return np.broadcast_to(
                 self.params.centers(), (self.t.size, len(self.params.pulleys), 2)
             )
-        return np.array([self.params.centers(row) for row in travels])
+        return np.array([self.params.centers(row) for row in self.travels])
 
     @functools.cached_property
     def arcs(self) -> Arcs:
         """Arcs of contact and slip at the samples (n_w, n_p)."""
-        lacks = lacking(self.params)
-        found: dict[str, dict[str, Any]] = {"belt": {}, "contact": {}}
-        for output in OF_ARCS:
-            if output not in lacks:
-                group, _, name = output.partition(".")
-                found[group][name] = self.of(getattr(getattr(self.run, group), name))
-        belt, contact = (
-            BeltHistory._holding(found["belt"]),
-            ContactHistory._holding(found["contact"]),
-        )
-        return arcs_of(self.params, belt, contact, self.centers)
+        run = self.run
+        return arcs_of(self.params, run.belt, run.contact, self.centers, self.rows)
 
-    @property
-    def lost_mounts(self) -> bool:
-        """Whether pulleys are on mounts whose travels the run was not asked for."""
-        return bool(self.params.mounted) and self.travels() is None
-
+    @functools.cached_property
     def route(self) -> Route | None:
-        """Return the way of the belt with the mounts at their mean travels; None: not known."""
-        if self.lost_mounts:
-            return None
-        travels = self.travels()
-        if travels is None:
-            return self.params.route
-        return route_at(self.params.pulleys, self.params.centers(self.mean(travels)))
+        """The way of the belt with the mounts at their mean travels; None: not known."""
+        if self.travels is None:
+            return None if self.params.mounted else self.params.route
+        return route_at(self.params.pulleys, self.params.centers(self.mean(self.travels)))
 
+    @functools.cached_property
     def spans(self) -> Array | None:
-        """Return the tensions of the free spans at the samples (n_w, n_p) [N]; None: not kept."""
+        """Tensions of the free spans at the samples (n_w, n_p) [N]; None: not kept."""
         if not self.run._has("span_tension"):
             return None
         return np.asarray(self.of(self.run.span_tension), dtype=float)
 
+    @functools.cached_property
+    def touching(self) -> Touching | None:
+        """Contact and friction where they act; None: their outputs are missing."""
+        if self.missing(NEEDED):
+            return None
+        return touching(self.run, self.rows, self.weights, self.centers)
+
+    @functools.cached_property
+    def middles(self) -> Array | None:
+        """Tension in the middle of each span (n_w, n_p) [N]; None: outputs are missing.
+
+        NaN where the belt is not there, as in a span shorter than a link.
+        """
+        run = self.run
+        places = () if self.params._belt_facts["flows"] else ("belt.x", "belt.y", "belt.phi")
+        if self.missing((*places, "joints.force")):
+            return None
+        return mid_span(self.params, run.belt, run.joints.force, self.rows)
+
+    # --- The belt in it ---------------------------------------------------------------------------
+
+    @functools.cached_property
+    def belt(self) -> Span | None:
+        """The belt as it runs in the mean: its speed, tension, centrifugal tension."""
+        if self.touching is None:
+            return None
+        belt, stretch = self.params.belt, float(self.mean(self.touching.stretch.mean(axis=1)))
+        return Span(belt, belt.axial_stiffness * (stretch - 1.0), self.touching.speed)
+
+    @functools.cached_property
+    def pace(self) -> float:
+        """Mean of the magnitude of the belt's speed [m/s]."""
+        return 0.0 if self.touching is None else float(self.mean(np.abs(self.touching.speeds)))
+
+    @functools.cached_property
+    def passing(self) -> float:
+        """Time over which histories are averaged to remove the ripple of links [s].
+
+        That in which a link passes, or as many links as the samples need to have four of them; 0
+        where so few pass that no mean can tell them apart, and of cells, which do not.
+        """
+        length = float(self.params.info["link_length"])
+        if self.params._belt_facts["flows"] or not self.pace * self.lasts > PASSINGS * length:
+            return 0.0
+        one = length / self.pace
+        return one * max(1.0, math.ceil(4.0 * self.lasts / (self.t.size - 1) / one))
+
+    @functools.cached_property
+    def speeds(self) -> Array:
+        """Speed of the belt, stress-free, without the ripple of links (n_w,) [m/s]."""
+        assert self.touching is not None
+        return self.smoothed(self.touching.speeds[:, None], self.passing)[:, 0]
+
+    @property
+    def reverses(self) -> bool:
+        """Whether the belt's speed changes by more than its mean: no mean state exists."""
+        assert self.touching is not None
+        change = float(np.nanmax(self.speeds) - np.nanmin(self.speeds))
+        return change > max(abs(self.touching.speed), float(self.params.info["drag_speed"]))
+
+    @functools.cached_property
+    def driver(self) -> int | None:
+        """The pulley that puts in the most power, in the mean; None: the belt stands still.
+
+        By the torques that are set; where none puts power in, as when a drive runs down, or none is
+        known, by those of the belt.
+        """
+        run, on, info = self.run, self.touching, self.params.info
+        if not run._has("pulleys.omega"):
+            return None
+        omega, radii = self.of(run.pulleys.omega), self.params._radii
+        most = float(np.max(np.abs(run.pulleys.omega) * radii, initial=0.0))
+        least = max(STANDSTILL_SPEED * most, float(info["drag_speed"]))
+        if not float(np.max(self.mean(np.abs(omega)) * radii)) > least:
+            return None
+        moves = self.pace > least and self.pace * self.lasts > STILL * float(info["link_length"])
+        if on is not None and not moves:
+            return None
+        if run._has("pulleys.torque"):
+            power = self.mean(self.of(run.pulleys.torque) * omega)
+            if power.max() > 0.0 or on is None:
+                return int(np.argmax(power))
+        return 0 if on is None else int(np.argmin(self.mean(on.torques * omega)))
+
     def unsteady(self) -> list[str]:
         """Describe what changes between the halves of the window, the largest change first."""
-        half = self.t.size // 2
+        t, half = self.t, self.t.size // 2
         if half < 2:
             return ["whether it is steady cannot be told from fewer than four samples"]
+        middle = 0.5 * (t[0] + t[-1])
+        halves = [np.where(part, self.weights, 0.0) for part in (t <= middle, t >= middle)]
         found: list[tuple[float, str]] = []
         names = self.params.pulley_names
 
         def look(samples: Array, name: str, unit: str, scale: float, least: float) -> None:
-            before, after = self._halves(samples)
+            before, after = (float(mean_over(weights, samples)) for weights in halves)
             change = abs(after - before)
             if change > max(STEADY * scale, least) > 0.0:
                 text = f"the mean {name} goes from {before:.3g} to {after:.3g} {unit}{_HALVES}"
@@ -203,24 +292,10 @@ class Window:
             least = float(self.params.info["drag_speed"])  # what errors of speeds leave
             for name, samples, radius in zip(names, omega.T, radii, strict=True):
                 look(samples, f"speed of {name}", "rad/s", scale / radius, least / radius)
-        spans = self.spans()
+        spans = self.spans
         if spans is not None and spans.shape[1] > 1:
             scale = float(np.nanmean(np.abs(spans))) if not np.isnan(spans).all() else 0.0
             for k, samples in enumerate(spans.T):
                 name = f"tension from {names[k]} to {names[(k + 1) % len(names)]}"
                 look(samples, name, "N", scale, 0.0)
         return [text for _, text in sorted(found, key=lambda one: -one[0])]
-
-    def _halves(self, samples: Array) -> tuple[float, float]:
-        middle = 0.5 * (self.t[0] + self.t[-1])
-        before, after = (
-            float(mean_over(np.where(part, self.weights, 0.0), samples))
-            for part in (self.t <= middle, self.t >= middle)
-        )
-        return before, after
-
-
-def _integral(t: Array, values: Array) -> Array:
-    """Integrate samples over time, from 0 at the first (n,)."""
-    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(t)
-    return np.concatenate([[0.0], np.cumsum(steps)])

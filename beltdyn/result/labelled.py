@@ -8,13 +8,13 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..base.checks import Array
-from ..base.naming import span_name
+from ..base.naming import span_names
 from ..base.optional import optional_module
 from ..drive.mounts import KINDS
 from ..drive.params import Params
 from ..outputs.quantity import QUANTITIES, TIME, Quantity, dimensions
 
-__all__ = ["dataset", "mount_kinds", "places", "span_names", "unit_in"]
+__all__ = ["dataset", "mount_kinds", "places", "unit_in"]
 
 #: What the places along dimensions are.
 _PLACES = {
@@ -31,13 +31,6 @@ _PLACES = {
 }
 
 
-def span_names(params: Params) -> list[str]:
-    """Return the names of the free spans after each pulley (n_p,), as in reports."""
-    names = params.pulley_names
-    after = [*names[1:], names[0]]
-    return [span_name(k, names, unnamed=f"{names[k]} to {after[k]}") for k in range(len(names))]
-
-
 def mount_kinds(params: Params) -> list[str]:
     """Return the kinds of the mounts (n_m,), in words of :data:`beltdyn.drive.mounts.KINDS`."""
     return [mount._row.name for pulley in params.pulleys if (mount := pulley.mount) is not None]
@@ -48,7 +41,7 @@ def places(params: Params) -> dict[str, Sequence[Any]]:
     links, names = range(params.n_bodies), params.pulley_names
     parts = {dimensions(size)[0]: [names[k] for k in ks] for size, ks in params._having.items()}
     modes = range(1, 1 + params._model.sizes.get("MODES", 0) // len(names))
-    along = {"span": span_names(params), "link": links, "joint": links, "mode": modes}
+    along = {"span": span_names(names), "link": links, "joint": links, "mode": modes}
     return {"pulley": parts["pulley"], **along, **parts, "xy": ["x", "y"]}
 
 

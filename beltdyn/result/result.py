@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _core
 from ..base import tables
 from ..base.checks import Array, close_to, flag, real_array
-from ..base.naming import span_name, with_names
+from ..base.naming import span_names, with_names
 from ..base.rounding import rounded
 from ..base.run_warnings import RunWarning
 from ..drive.params import Params
@@ -403,7 +403,7 @@ class Result:
             verbose: Whether to add what the integrator did.
         """
         names = self.params.pulley_names
-        spans = [span_name(k, names, unnamed="") for k in range(len(names))]
+        spans = span_names(names, "")
         named = any(spans)
 
         from ..report import creep_of, speed_errors  # which no run needs

@@ -18,7 +18,8 @@ from ..base.run_warnings import RunWarning
 from ..drive import cells, sanity
 from ..drive.couplings import OverrunningClutch
 from ..drive.params import Params
-from ..outputs.gross_slip import durations, gross_slip
+from ..outputs.averages import durations
+from ..outputs.gross_slip import gross_slip
 from ..outputs.selection import has, unchecked
 from ..outputs.squeal import squeals
 from ..result.result import Result
