@@ -298,6 +298,7 @@ def test_what_is_asked_first_is_one_screen() -> None:
     (line,) = (one for one in text.splitlines() if one.startswith(f"  {span.name} "))
     ends = (span.tension.least, span.tension.most, span.of_run.least, span.of_run.most)
     assert {f"{one:.3g}" for one in ends} <= set(line.split())
+    assert "  least  mean tension N  most  " in text
     words = " ".join(text.split())
     shown, digits = rounded(100.0 * told.efficiency, 100.0 * told.efficiency_error)
     assert f"efficiency {shown:.{digits - 2}f} %" in words
@@ -371,7 +372,8 @@ def test_what_does_not_count_and_what_is_left_over_is_told() -> None:
         attrs.evolve(told.spans[0], frequency=99.0, link_passing=passing)
         for passing in (True, None, False)
     )
-    lines = [row[-2] for row in brief._spans(attrs.evolve(told, spans=spans)).rows]
+    _, of_spans, *_ = brief._tables(attrs.evolve(told, spans=spans))
+    lines = [row[-2] for row in of_spans.rows]
     assert lines == ["mesh", "99 ?", "99"]
     note = next(row["note"] for row in _core.BELTS if row["note"])
     paper = bd.RunWarning(code="mesh", text=note)

@@ -3,31 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import Protocol
+from collections.abc import Iterator
 
 import attrs
-import numpy as np
 
 from ..base import tables
-from ..base.checks import Array
 from ..base.rounding import percent
-from ..base.run_warnings import RunWarning
-from ..drive import sanity
-from ..drive.params import Params
-from .averages import LAST, time_weights
-from .histories import (
-    BeltHistory,
-    ContactHistory,
-    CouplingHistory,
-    EnergyLedger,
-    JointHistory,
-    MountHistory,
-    PulleyHistory,
-    Stats,
-)
-from .spans import span_tension
-from .state import State
 
 __all__ = [
     "SPACE_FLOOR",
@@ -36,9 +17,6 @@ __all__ = [
     "Accuracy",
     "Expected",
     "QuantityError",
-    "Running",
-    "known",
-    "running",
 ]
 
 #: Errors in time below this are not told apart: histories are compared as they are sampled, and a
@@ -46,12 +24,6 @@ __all__ = [
 TIME_FLOOR = 1e-6
 #: The same in space: other meshes are integrated in time to no better than about this.
 SPACE_FLOOR = 1e-4
-
-#: Samples at which tensions are looked at; all change what they show by 1 to 3 %.
-LOOKS = 100
-
-#: Least friction force by which its errors are measured, as a share of the tension.
-MIN_FRICTION = 1e-2
 
 #: The quantities whose error in time the integration estimates.
 TENSIONS = ("tension", "span_mean")
@@ -102,9 +74,7 @@ class QuantityError:
     @property
     def total(self) -> float | None:
         """Sum of the three errors; None unless those in time and in space are known."""
-        if self.time is None or self.space is None:
-            return None
-        return self.time + self.space + (self.compliance or 0.0)
+        return None if self.time is None else self.known
 
 
 @attrs.frozen(kw_only=True)
@@ -154,15 +124,11 @@ class Accuracy:
         """
         quantity, space, time = attrs.astuple(expected)
         names = TENSIONS if quantity in TENSIONS else (quantity,)
+        shown = {"time": max(TIME_FLOOR, time)}
+        if not math.isnan(space):
+            shown["space"] = max(SPACE_FLOOR, space)
         errors = tuple(
-            attrs.evolve(
-                one,
-                time=max(TIME_FLOOR, time),
-                space=one.space if math.isnan(space) else max(SPACE_FLOOR, space),
-            )
-            if one.quantity in names
-            else one
-            for one in self.errors
+            attrs.evolve(one, **shown) if one.quantity in names else one for one in self.errors
         )
         note = f"errors of {WORDS[quantity]}: as pilot runs on coarser meshes foresaw them"
         return attrs.evolve(self, errors=errors, notes=(*self.notes, note))
@@ -172,8 +138,11 @@ class Accuracy:
         rows = [("accuracy, measured" if self.verified else "accuracy, estimated", "")]
         for name in ("tension", "span_mean", "creep", "power"):
             one = self[name]
+            in_time = _share(one.time, TIME_FLOOR)
+            if not self.verified and not in_time.startswith("<"):
+                in_time = f"at most {in_time}"
             parts = {
-                "in time": one.time is not None and self._in_time(one),
+                "in time": one.time is not None and in_time,
                 "of the mesh": one.space is not None and _share(one.space, SPACE_FLOOR),
                 "of contact": one.compliance and _share(one.compliance, 0.0),
             }
@@ -206,10 +175,6 @@ class Accuracy:
             return f"{told}."
         how = "" if self.verified else " (verify=True measures them)"
         return f"{told}{'; ' if known else ''}not known {names}{how}."
-
-    def _in_time(self, one: QuantityError) -> str:
-        share = _share(one.time, TIME_FLOOR)
-        return share if self.verified or share.startswith("<") else f"at most {share}"
 
     def table(self) -> list[tuple[str, ...]]:
         """Return the errors as rows of text, the heading first."""
@@ -264,156 +229,6 @@ class Expected:
     quantity: str
     space: float = attrs.field(converter=float)
     time: float = attrs.field(converter=float)
-
-
-class Run(Protocol):
-    """The part of :class:`beltdyn.Result` that is needed by modules that it imports."""
-
-    @property
-    def t(self) -> Array: ...
-    @property
-    def params(self) -> Params: ...
-    @property
-    def pulleys(self) -> PulleyHistory: ...
-    @property
-    def belt(self) -> BeltHistory: ...
-    @property
-    def joints(self) -> JointHistory: ...
-    @property
-    def contact(self) -> ContactHistory: ...
-    @property
-    def mounts(self) -> MountHistory | None: ...
-    @property
-    def couplings(self) -> CouplingHistory | None: ...
-    @property
-    def energy(self) -> EnergyLedger | None: ...
-    @property
-    def span_tension(self) -> Array: ...
-    @property
-    def stats(self) -> Stats: ...
-    @property
-    def accuracy(self) -> Accuracy: ...
-    @property
-    def warnings(self) -> tuple[RunWarning, ...]: ...
-    @property
-    def prescribed(self) -> tuple[str, ...]: ...
-    @property
-    def _running(self) -> Running | None: ...
-    def _rims(self) -> Array | None: ...
-    def _has(self, name: str) -> bool: ...
-
-
-def known(run: Run) -> Accuracy:
-    """Return the accuracy of a run as far as it is known without another run.
-
-    ``stats.error`` is that of all joint forces, which no span's tension exceeds by much.
-    """
-    stats, of_contact = run.stats, run.params._compliance_error
-    with np.errstate(all="ignore"):  # a failed run may end with huge numbers
-        of_mesh = {name: value for name, value in _of_mesh(run).items() if math.isfinite(value)}
-    return Accuracy(
-        errors=tuple(
-            QuantityError(
-                quantity=name,
-                time=None if name not in TENSIONS or not stats.error else stats.error,
-                space=max(SPACE_FLOOR, of_mesh[name]) if name in of_mesh else None,
-                compliance=of_contact[name],
-            )
-            for name in WORDS
-        ),
-        local_error=stats.local_error,
-        balance=stats.balance,
-    )
-
-
-@attrs.frozen(kw_only=True)
-class Running:
-    """Motion and load of the belt in a run, the same whatever outputs are kept.
-
-    Attributes:
-        speed: Speed of the fastest rim, root mean square over the last part; the belt's but for
-            creep [m/s].
-        shaking: Relative rise of the mean tension by links that land then [1].
-        shaking_over_time: The same over the whole run.
-        pull: Largest difference of the mean tensions on two sides of a pulley, of its torque [N].
-        power: Largest mean power of a torque [W].
-    """
-
-    speed: float
-    shaking: float
-    shaking_over_time: float
-    pull: float = 0.0
-    power: float = 0.0
-
-
-def running(params: Params, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
-    """Read motion and load of the belt off a run."""
-    radii = params._radii
-    omega, torque, across = arrays["omega"], arrays["torque"], arrays["across"][:, 0]
-    if t.size < 2:
-        speed = float(np.max(np.abs(end.omega * radii)))
-        shaken = sanity.shaken(params, speed)
-        return Running(speed=speed, shaking=shaken, shaking_over_time=shaken)
-    rims, lasts = np.max(np.abs(omega * radii), axis=1) ** 2, float(t[-1] - t[0])
-    there = np.flatnonzero(~np.isnan(across))  # looked at in some samples
-
-    def seen(last: float) -> tuple[float, float]:
-        speed = math.sqrt(float(time_weights(t, t[-1] - last * lasts) @ rims))
-        late = there[t[there] >= t[-1] - last * lasts]
-        square = float(np.mean(across[late if late.size else there]))
-        return speed, sanity.shaking_seen(params, speed, square, lasts)
-
-    speed, shaken = seen(LAST)
-    found = Running(speed=speed, shaking=shaken, shaking_over_time=seen(1.0)[1])
-    if not lasts > 0.0:
-        return found
-    # Means: motions that are prescribed need torques that jump with every link.
-    late = time_weights(t, t[-1] - LAST * lasts)
-    most = 2.0 * float(params.info["strain_tension"])  # all it can hold
-    pull = min(most, float(np.max(np.abs(late @ torque) / radii)))
-    power = float(np.max(np.abs(late @ (torque * omega))))
-    return attrs.evolve(found, pull=pull, power=power)
-
-
-def _vibration(run: Run) -> float:
-    """Return the vibration of the span tensions at the end of a run, root mean square [N].
-
-    Where small differences grow exponentially, other meshes vibrate as much at other phases.
-    """
-    t, n_p = run.t, len(run.params.pulleys)
-    rows = np.flatnonzero(t >= t[-1] - LAST * (t[-1] - t[0]))
-    rows = rows[:: 1 + rows.size // LOOKS]
-    tension = span_tension(run.contact.pulley[rows], run.joints.force[rows], n_p)
-    tension = tension[:, np.isfinite(tension).all(axis=0)]
-    return math.sqrt(float(np.mean(np.var(tension, axis=0)))) if tension.size else 0.0
-
-
-def _of_mesh(run: Run) -> dict[str, float]:
-    """Estimate the errors of the mesh, from the speeds, torques and losses of a run."""
-    params, t, seen = run.params, run.t, run._running
-    if seen is None:
-        return {}
-    shaking = {"tension": seen.shaking_over_time, "span_mean": seen.shaking}
-    found = {
-        name: sanity.mesh_error(params, shaken, seen.pull)[name] for name, shaken in shaking.items()
-    }
-    tension = float(params.info["strain_tension"])
-    if run.stats.growth > 0.0 and run._has("joints.force") and run._has("contact.pulley"):
-        found["tension"] = max(found["tension"], _vibration(run) / tension)
-    if not seen.power > 0.0 or not run._has("energy") or run.energy is None:
-        return found
-    first = int(np.argmax(time_weights(t, t[-1] - LAST * (t[-1] - t[0])) > 0.0))
-    losses = (run.energy.contact_loss, run.energy.friction_loss)
-    lost = sanity.mesh_loss(params, *(float(one[-1] - one[first]) for one in losses))
-    lost /= float(t[-1] - t[first])
-    carried = seen.speed * max(seen.pull, MIN_FRICTION * tension)
-    # a link at the ends of arcs, in the belt's forces and means
-    half = 0.0 if params._belt_facts["flows"] else 0.5 / params.info["n_bodies"]
-    if carried > 0.0:
-        # set torques know nothing of the ends of arcs, those that a motion needs do
-        of_torques = half if run.prescribed else 0.0
-        found |= {"power": lost / seen.power + of_torques, "friction": lost / carried + half}
-    return found
 
 
 def _share(value: float | None, floor: float) -> str:

@@ -341,15 +341,10 @@ class Stats:
             it, in 98 of 100 random drives; else up to forty times too large, where a few steps have
             the largest local errors.
 
-            From what: the larger of ``local_error`` and of ``balance``, each times a factor that
-            was measured. ``local_error``: times 1 on the paper's mesh, else 2, or where that is
-            more a third of the root of the steps in which axial damping makes a vibration of a
-            radian a step decay by e; and times 5 where a joint's stretch is more than three times
-            the slip mu_k / sigma. ``balance``, with the ledger: times 5 on the paper's mesh, else
-            0.1. Then times the growth of differences, if they grew; times 1 + n/10 for n bounces
-            of mounts on stops of less than a fifth of critical damping; and of "lbdf2" and "lie",
-            whose errors add up, times sqrt(k), where the run lasts k > 1 times 780 rounds of a
-            stretch wave, a second of the paper's drive.
+            From what: the larger of ``local_error`` and, with the ledger, of ``balance``, each
+            times a factor that was measured (``csrc/run/driver.c``); times the growth of
+            differences, if they grew, times what bounces of mounts on stops add, and of "lbdf2"
+            and "lie", whose errors add up, times the root of the length of a long run.
 
             None for: fixed steps, histories that diverge, links that vibrate on their contact
             hardly damped or chatter while nothing shows that differences do not grow, torque
@@ -414,10 +409,7 @@ def shape_of(size: str, params: Any) -> tuple[int, ...]:
 
 
 def _passed(t: Array, flow: Array, theta: Array | None, omega: Array) -> Array:
-    """Integrate the flow (n_t,) over time, from 0 at the first sample.
-
-    What goes with pulley 0 by its angle, which is known, the rest, creep, by the trapezoidal rule.
-    """
+    """Integrate the flow (n_t,) over time: by the angle of pulley 0, and by samples of creep."""
     square = float(omega @ omega)
     ratio = float(flow @ omega) / square if theta is not None and square > 0.0 else 0.0
     gone = integral(t, flow - ratio * omega)
@@ -431,11 +423,7 @@ def histories(
     params: Any,
     names: Collection[str] | None = None,
 ) -> dict[str, Any]:
-    """Return the groups by name, from what the core has sampled.
-
-    "energy" is None without the ledger, "mounts" or "couplings" in a drive that has none. Of a run
-    that was asked for some outputs only, groups hold these.
-    """
+    """Return the groups by name, with what was asked for of what the core has sampled."""
     left_out, lacks = absent_groups(params), params._belt_facts["lacks"]
     columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in ROWS}
     if "flow" in arrays:

@@ -9,8 +9,8 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array
-from .accuracy_report import Run
 from .averages import integral
+from .sampled import Sampled
 
 __all__ = [
     "HARMONICS",
@@ -67,19 +67,15 @@ class Source:
     @property
     def sharp(self) -> int:
         """Number of harmonics that are lines, the speed being even enough."""
-        for k, kept in enumerate(self.kept):
-            if kept < KEPT:
-                return k
-        return len(self.kept)
+        return next((k for k, kept in enumerate(self.kept) if kept < KEPT), len(self.kept))
 
 
-def belt_rate(result: Run, rows: Any = slice(None)) -> Array | None:
+def belt_rate(result: Sampled, rows: Any = slice(None)) -> Array | None:
     """Return the belt passing frequency: revolutions of the belt per second, >= 0, (n_t,) [Hz].
 
     The flow of an ALE belt over L. Else the mean speed of the links over the present length of the
-    belt. In steady running that is
-    exactly the rate at which its stress-free length passes any place, over L: both numbers hold the
-    same mean stretch. The length counts arcs for the chords between neighbouring links.
+    belt, with arcs for the chords between neighbouring links: in steady running exactly the rate at
+    which its stress-free length passes any place, over L, as both hold the same mean stretch.
 
     Where the run did not keep positions and velocities, the mean speed of the rims over L, which is
     off by stretch, creep and the belt's sinking into the pulleys; None without their speeds either.
@@ -88,7 +84,7 @@ def belt_rate(result: Run, rows: Any = slice(None)) -> Array | None:
     return None if rate is None else np.abs(rate)
 
 
-def belt_turning(result: Run, rows: Any = slice(None)) -> Array | None:
+def belt_turning(result: Sampled, rows: Any = slice(None)) -> Array | None:
     """Return :func:`belt_rate` with its sign, positive in the order of the links."""
     params = result.params
     if result._has("belt.flow"):
@@ -113,34 +109,24 @@ def belt_turning(result: Run, rows: Any = slice(None)) -> Array | None:
     return None
 
 
-def _has_links(result: Run) -> bool:
+def _has_links(result: Sampled) -> bool:
     return all(result._has(f"belt.{name}") for name in ("x", "y", "phi", "vx", "vy"))
 
 
-def sources(result: Run, rows: Any = slice(None)) -> tuple[Source, ...]:
-    """Return the periodic sources of a run, over some samples: links, pulleys, the belt.
-
-    Pulleys that stand still are left out, and a belt that does.
-    """
-    found = []
-    t = np.asarray(result.t[rows])
-
-    def add(name: str, kind: str, rate: Array, known: float = MEASURED) -> None:
-        one = _source(name, kind, t, rate, known)
-        if one is not None:
-            found.append(one)
-
-    belt = belt_turning(result, rows)
+def sources(result: Sampled, rows: Any = slice(None)) -> tuple[Source, ...]:
+    """Return the periodic sources of a run, over some samples: links, pulleys, belt that turn."""
+    t, params, belt = np.asarray(result.t[rows]), result.params, belt_turning(result, rows)
     known = MEASURED if _has_links(result) or result._has("belt.flow") else FROM_RIMS
-    if belt is not None and not result.params._belt_facts["flows"]:
-        add("link passing", "link", belt * result.params.n_bodies, known)
+    found = []
+    if belt is not None and not params._belt_facts["flows"]:
+        found.append(_source("link passing", "link", t, belt * params.n_bodies, known))
     if result._has("pulleys.omega"):
         turning = result.pulleys.omega[rows] / (2.0 * np.pi)
-        for name, rate in zip(result.params.pulley_names, turning.T, strict=True):
-            add(name, "pulley", rate)
+        for name, rate in zip(params.pulley_names, turning.T, strict=True):
+            found.append(_source(name, "pulley", t, rate, MEASURED))
     if belt is not None:
-        add("belt passing", "belt", belt, known)
-    return tuple(found)
+        found.append(_source("belt passing", "belt", t, belt, known))
+    return tuple(one for one in found if one is not None)
 
 
 def _source(name: str, kind: str, t: Array, rate: Array, known: float) -> Source | None:
@@ -181,11 +167,7 @@ def folded(frequency: Any, rate: float) -> Any:
 def lines_at(
     found: Iterable[Source], frequency: float, resolution: float, limit: float
 ) -> tuple[str, ...]:
-    """Name the harmonics that lie where a line is, the closest first, folded ones last.
-
-    Not of a source whose harmonics are closer than the resolution, any line would be one of them;
-    nor harmonics that the changes of speed in the window smear (:attr:`Source.sharp`).
-    """
+    """Name the harmonics that lie where a line is; see :meth:`beltdyn.spectra.Spectrum.names`."""
     names = []
     for source in found:
         if source.frequency < resolution:

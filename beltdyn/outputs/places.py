@@ -66,10 +66,7 @@ class AlongBelt:
 
 
 def routes(params: Params, travel: Array | None) -> tuple[list[Route], Array]:
-    """Return the belt line and the axes (n, n_p, 2) at every sample; one for all if none moves.
-
-    ``travel``: of the mounts (n_t, n_m), None: of a drive without.
-    """
+    """Return belt line and axes (n, n_p, 2) at every travel (n_t, n_m) of mounts; None: one."""
     if travel is None:
         return [params.route], params.centers()[None]
     centers = np.array([params.centers(row) for row in travel])
@@ -184,10 +181,7 @@ def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: A
 
 
 def cell_places(params: Params) -> Array:
-    """Return the places along the line at which cells of an ALE belt begin, and its length [m].
-
-    Of each its share of its wrap is the same wherever the axes are.
-    """
+    """Return where along the line cells of an ALE belt begin, and the length of it [m]."""
     wraps = line_parts(params.route, params._radii)
     cells = params._cells
     begins = [0.0]
@@ -200,14 +194,11 @@ def cell_places(params: Params) -> Array:
 def along_cells(
     params: Params, t: Array, name: str, values: Array, places: Array | None
 ) -> AlongBelt:
-    """Return a history of cells in places, linear between their middles and constant in spans.
-
-    Velocities and coordinates are those where the cells begin.
-    """
+    """Return a history of cells in places, linear between their middles and constant in spans."""
     edges = cell_places(params)
     middles = 0.5 * (edges[1:] + edges[:-1])
     s = middles if places is None else places
-    if name.startswith("belt."):
+    if name.startswith("belt."):  # where the cells begin
         at, columns = edges, np.append(np.arange(middles.size), 0)
     else:
         spans = np.flatnonzero(params._cells < 0)

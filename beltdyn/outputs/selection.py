@@ -1,10 +1,4 @@
-"""Outputs on demand: the names of what a run computes and keeps.
-
-A warning of full slip needs ``contact.pulley``, ``.normal``, ``.friction``, ``.velocity`` and
-``pulleys.torque``; of a slack span "span_tension" or both "joints.force" and "contact.pulley"; of
-torques out of scale ``pulleys.torque``, of a driven pulley without friction ``.omega`` as well.
-The error of the mesh, and its warning, are of what every run samples.
-"""
+"""Outputs on demand: the names of what a run computes and keeps."""
 
 from __future__ import annotations
 
@@ -31,7 +25,8 @@ PASSED = "passed"
 #: What the core is asked for in any case, 2 n_p + 1 numbers a sample.
 EVERY_RUN = ("omega", "torque", "across")
 
-#: What is looked for in the samples of a run, and the outputs that it is found in.
+#: What is looked for in the samples of a run, and the outputs that it is found in; the error of the
+#: mesh is of what every run samples.
 _LOOKED_FOR = {
     "no_friction": ("pulleys.omega", "pulleys.torque"),
     "units": ("pulleys.torque",),
@@ -124,10 +119,7 @@ def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
 def unchecked(
     names: Collection[str] | None, friction: bool, couplings: bool = False
 ) -> tuple[str, ...]:
-    """Return the codes of warnings that cannot be looked for without some outputs.
-
-    ``friction``, ``couplings``: whether the drive has any; kinds of warnings concern these drives.
-    """
+    """Return the codes of warnings of such a drive that outputs not asked for would show."""
     possible = set(_LOOKED_FOR) - {"no_friction" if friction else "full_slip"}
     possible -= set() if couplings else {"never_drives"}
     return tuple(

@@ -19,13 +19,7 @@ _POINTS = 21
 
 
 def span_tension(touched: NDArray[np.int32], force: Array, n_pulleys: int) -> Array:
-    """Return the mean joint force of the free span that follows each pulley (n_t, n_p) [N].
-
-    Only joints between two links that touch nothing count, of a span with a single such link the
-    joint before it, and not where links have lifted off within a wrap. Those where a belt with
-    bending stiffness runs off a pulley, EI / (2 r^2) below the middle of the span at most, are
-    among them; :func:`mid_span` gives the middle.
-    """
+    """Return :attr:`beltdyn.Result.span_tension`; :func:`mid_span` is without bends of its ends."""
     return _core.span_tension(np.asarray(touched, dtype=np.int32), force, n_pulleys)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import attrs
 import numpy as np
+from numpy.typing import NDArray
 
 from .. import _core
 from ..base import npz
@@ -67,10 +68,11 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     ]
 
 
-def saved_shape(size: str, value: Any) -> tuple[int, ...]:
-    """Shape that a field of this size has in a file: of several rows, or of one."""
-    shape: tuple[int, ...] = np.shape(value)
-    return shape if size in ROWS and len(shape) == 2 else (np.size(value),)
+def from_file(name: str, size: str, value: NDArray[Any], count: int | None = None) -> Array:
+    """Check a field of this size, of so many numbers or rows of some, as a file has it."""
+    shape = value.shape if size in ROWS and value.ndim == 2 else (value.size,)
+    expected = shape if count is None or size in ROWS else (count,)
+    return npz.number_array(name, value, np.float64, expected)
 
 
 def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
@@ -344,9 +346,7 @@ class State:
 
         def build(values: dict[str, Any]) -> State:
             fields: dict[str, Any] = {
-                name: npz.number_array(
-                    name, values[name], np.float64, saved_shape(size, values[name])
-                )
+                name: from_file(name, size, values[name])
                 for name, size in SIZES.items()
                 if size not in PARTS or name in values  # not in the files of earlier versions
             }

@@ -1,11 +1,4 @@
-"""Reports: what an engineer reads off a run, in units and by name.
-
-``result.report()`` makes it (:class:`Report`). Each part is a module: ``window`` (which samples,
-and whether they are steady), ``touching`` (where belt and pulleys touch), ``pulleys``, ``hubs``
-(hub loads by the spans), ``slipping`` (friction in use), ``margin`` (to full slip), ``span_rows``,
-``mounted``, ``creep``, ``powers``, ``cycles``, ``columns`` for how a quantity is printed, ``brief``
-and ``text`` for one screen and all of it, and ``flat`` for how it is given as numbers.
-"""
+"""Reports: what an engineer reads off a run, in units and by name (``result.report()``)."""
 
 from __future__ import annotations
 

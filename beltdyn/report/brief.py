@@ -10,9 +10,9 @@ from ..base.rounding import rounded
 from ..base.tables import Table, columns, paragraphs
 from . import digits, text
 from .columns import Layout, made
-from .digits import NONE, number, within
+from .digits import NONE, number, or_nan, within
 from .rows import ReportData
-from .text import couplings, opening
+from .text import opening
 
 __all__ = ["html", "lines"]
 
@@ -75,7 +75,8 @@ def _columns(table: Table, most: int) -> list[str]:
 
 def _tables(report: ReportData) -> Iterator[Table]:
     """Yield the tables of pulleys, spans and mounts, without empty columns."""
-    for table in (_pulleys(report), _spans(report), _mounts(report)):
+    for layout in _LAYOUTS:
+        table = made(report, layout)
         whole = zip(table.heading, *table.rows, strict=True)
         first, *kept = (one for k, one in enumerate(whole) if k == 0 or {*one[1:]} - {NONE})
         if kept:
@@ -83,24 +84,14 @@ def _tables(report: ReportData) -> Iterator[Table]:
             yield table._replace(heading=heading, rows=rows)
 
 
-def _pulleys(report: ReportData) -> Table:
-    names = "name turns lost torque power load load:most direction used margin worst"
-    table = made(report, Layout("Pulleys", "pulleys", names, couplings), report.pulleys)
-    if all(row[-2:] == (NONE, NONE) for row in table.rows):
-        return table
-    told = (
-        "lost: speed, against the driving pulley; to deg: of the hub load; used: of friction; "
-        "margin: factor by which all loads can grow until it slips in full (later: others slip "
-        "first)"
-    )
-    return table._replace(remarks=(told, *table.remarks))
-
-
-def _spans(report: ReportData) -> Table:
-    names = (
-        "name tension:least tension tension:most of_run:least of_run:most line_of_drive string_3"
-    )
-    return made(report, Layout("Spans", "spans", names, _on_spans), report.spans)
+def _on_pulleys(report: ReportData) -> Iterator[str]:
+    if any(row.margin is not None or row.least_margin is not None for row in report.pulleys):
+        yield (
+            "lost: speed, against the driving pulley; to deg: of the hub load; used: of friction; "
+            "margin: factor by which all loads can grow until it slips in full (later: others slip "
+            "first)"
+        )
+    yield from text.couplings(report)
 
 
 def _on_spans(report: ReportData) -> list[str]:
@@ -113,9 +104,21 @@ def _on_spans(report: ReportData) -> list[str]:
     return ["; ".join(told)] if told else []
 
 
-def _mounts(report: ReportData) -> Table:
-    names = "name travel travel:range stop stop:range"
-    return made(report, Layout("Mounts", "mounts", names), report.mounts)
+_LAYOUTS = (
+    Layout(
+        "Pulleys",
+        "pulleys",
+        "name turns lost torque power load load:most direction used margin worst",
+        _on_pulleys,
+    ),
+    Layout(
+        "Spans",
+        "spans",
+        "name tension:least mean tension:most of_run:least of_run:most line_of_drive string_3",
+        _on_spans,
+    ),
+    Layout("Mounts", "mounts", "name travel travel:range stop stop:range"),
+)
 
 
 def _closing(report: ReportData) -> Iterator[str]:
@@ -143,7 +146,7 @@ def _balance(report: ReportData) -> str:
     put_in, taken = digits.total(report, "in"), digits.total(report, "out")
     lost, known = digits.lost(report)
     error, of_losses = report.power_error, report.efficiency_error or 0.0
-    ends = [within(one, error and error * put_in) for one in (put_in, taken)]
+    ends = [within(one, or_nan(error) * put_in) for one in (put_in, taken)]
     told = f"{ends[0]} W put in, {ends[1]} W taken off, {lost}"
     parts = sorted(report.powers, key=lambda one: -abs(one.power))
     shown = [one for one in parts if one.kind == "lost" and abs(one.power) > _SMALL * put_in]
@@ -168,7 +171,7 @@ def _balance(report: ReportData) -> str:
 
 def _unit(put_in: float, error: float | None) -> float:
     """Return the decimal place to which the input power is shown."""
-    shown, places = rounded(put_in, error and error * put_in)
+    shown, places = rounded(put_in, or_nan(error) * put_in)
     return 10.0 ** (math.floor(math.log10(shown)) + 1 - places)
 
 

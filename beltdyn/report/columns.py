@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple
 
 from ..base.described import unit_of
 from ..base.tables import Table
 from ..drive.mounts import KINDS
 from . import digits
-from .digits import NONE, between, fixed, largest, number, placed, within
+from .digits import NONE, between, fixed, largest, number, or_nan, placed, within
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
-__all__ = ["STILL", "Layout", "has_shares", "made", "parts_of_mounts"]
+__all__ = ["STILL", "Layout", "has_shares", "made"]
 
 #: Factors of units that are printed in place of those of the rows.
 _SCALES = {"1/min": 30.0 / math.pi, "deg": 180.0 / math.pi, "mm": 1e3, "%": 100.0}
@@ -42,21 +42,21 @@ class Column(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """A table: title, part of the report, names of columns, remarks.
+    """A table."""
 
-    "torque:range" is the range of a column, likewise ":least" and ":most"; "{torque}" in the title
-    is its unit, which its heading then has not.
-    """
-
-    title: str
-    part: str
-    names: str
+    title: str  # "{torque}" in it is the unit of a column, which its heading then has not
+    part: str  # of the report
+    names: str  # of columns; "torque:range" is the range of one, likewise ":least" and ":most"
     remarks: Callable[[ReportData], Iterable[str]] = lambda _: ()
 
 
-def made(report: ReportData, layout: Layout, rows: Sequence[Any]) -> Table:
-    """Print rows in a layout."""
+def made(report: ReportData, layout: Layout) -> Table:
+    """Print the rows of a part in a layout."""
     kind, columns = _COLUMNS[layout.part]
+    if layout.part == "parts":  # what is known of mounts: row and field
+        rows = [(row, one) for row in report.mounts for one in _PARTS if getattr(row, one)]
+    else:
+        rows = getattr(report, layout.part)
     title, heading, texts = layout.title, [], []
     for name in layout.names.split():
         key, _, end = name.partition(":")
@@ -70,20 +70,14 @@ def made(report: ReportData, layout: Layout, rows: Sequence[Any]) -> Table:
         title = title.replace(f"{{{key}}}", unit)
         scale = _SCALES.get(unit, 1.0)
         texts.append([_cell(cells(report, row, scale), end) for row in rows])
-    return Table(
-        title, tuple(heading), list(zip(*texts, strict=True)), tuple(layout.remarks(report))
-    )
+    remarks = tuple(layout.remarks(report)) if rows else ()
+    return Table(title, tuple(heading), list(zip(*texts, strict=True)), remarks)
 
 
 def _cell(told: str | tuple[str, str, str], end: str) -> str:
     if isinstance(told, str):
         return told
     return between(told[1:]) if end == "range" else told[("", "least", "most").index(end)]
-
-
-def parts_of_mounts(report: ReportData) -> list[tuple[MountRow, str]]:
-    """List what is known of mounts: row and field."""
-    return [(row, one) for row in report.mounts for one in _PARTS if getattr(row, one) is not None]
 
 
 def has_shares(report: ReportData) -> bool:
@@ -106,7 +100,7 @@ def _number(field: str, places: int) -> _Cells:
     return lambda _, row, __: number(getattr(row, field), places)
 
 
-def _within(field: str, off: Callable[[ReportData, Any], float | None], places: int = 4) -> _Cells:
+def _within(field: str, off: Callable[[ReportData, Any], float], places: int = 4) -> _Cells:
     """Return the cells of a number with its error."""
     return lambda report, row, _: within(getattr(row, field), off(report, row), places)
 
@@ -124,19 +118,15 @@ def _off_belt_torque(report: ReportData, _row: PulleyRow) -> float:
     return digits.of_loads(report.accuracy) * largest(one.belt_torque for one in report.pulleys)
 
 
-def _off_slip_torque(report: ReportData, row: PulleyRow) -> float | None:
-    """Return the error of the torque at which a pulley slips in full [N m]; None: not known."""
-    share = digits.of_grip(report)
-    return share and share * abs(row.slip_torque or 0.0)
+def _off_slip_torque(report: ReportData, row: PulleyRow) -> float:
+    """Return the error of the torque at which a pulley slips in full [N m]."""
+    return digits.of_grip(report) * abs(row.slip_torque or 0.0)
 
 
-def _off_string(report: ReportData, row: SpanRow) -> float | None:
-    """Return the error of the frequency of a span as a moving string [Hz]; None: not known."""
-    off = digits.tension_off(report)
-    if row.lateral is None or row.tension is None or off is None:
-        return None
-    pull = row.tension.mean - (report.mass_tension or 0.0)
-    return 0.5 * row.lateral * off / pull if pull > 0.0 else None
+def _off_string(report: ReportData, row: SpanRow) -> float:
+    """Return the error of the frequency of a span as a moving string [Hz]."""
+    pull = (row.tension.mean if row.tension else 0.0) - (report.mass_tension or 0.0)
+    return 0.5 * (row.lateral or 0.0) * digits.tension_off(report) / pull if pull else math.nan
 
 
 def _off_speed_ratio(report: ReportData, row: Creep) -> float:
@@ -155,10 +145,10 @@ def _torque(report: ReportData, row: PulleyRow, _scale: float) -> tuple[str, str
     return placed(row.torque, 0.0 if digits.given(row.torque) else digits.of_loads(report.accuracy))
 
 
-def _off_history(report: ReportData, _row: Cycle) -> float | None:
-    """Return the error of tensions over time [N]; None: not known."""
-    off, share = digits.tension_off(report), report.accuracy["tension"].known
-    return off and share and off * share / (report.tension_error or share)
+def _off_history(report: ReportData, _row: Cycle) -> float:
+    """Return the error of tensions over time [N]."""
+    share = or_nan(report.accuracy["tension"].known)
+    return digits.tension_off(report) * share / (report.tension_error or share)
 
 
 def _drop_rounding(value: Spread | None, least: float) -> Spread | None:
@@ -176,14 +166,15 @@ def _speed(report: ReportData, row: PulleyRow, scale: float) -> tuple[str, str, 
 def _power(report: ReportData, row: PulleyRow, _scale: float) -> str:
     """Print a pulley's power; its error is relative to the largest."""
     most = largest(one.power.mean for one in report.pulleys if one.power)
-    value, error = _drop_rounding(row.power, _NOTHING * most), report.power_error
-    return within(value.mean if value else None, error and error * most)
+    value = _drop_rounding(row.power, _NOTHING * most)
+    return within(value.mean if value else None, or_nan(report.power_error) * most)
 
 
 def _lost(report: ReportData, row: PulleyRow, scale: float) -> str:
     """Print the speed that a pulley loses; its error is relative to the largest."""
     slower = next((scale * one.slower for one in report.creep if one.name == row.name), None)
-    return within(slower, report.creep_error and scale * _off_creep(report))
+    known = report.creep_error is not None
+    return within(slower, scale * _off_creep(report) if known else math.nan)
 
 
 def _direction(_report: ReportData, row: PulleyRow, scale: float) -> str:
@@ -236,9 +227,12 @@ def _of_run(report: ReportData, row: SpanRow, _scale: float) -> tuple[str, str, 
 
 def _of_mount(report: ReportData, row: MountRow, field: str) -> tuple[str, str, str]:
     """Print a travel or force of a mount, with the error of two spans; paths are exact."""
-    share = report.tension_error and 2.0 * report.tension_error
-    factor = _shown((row, field))[0]
-    return placed(getattr(row, field), share if KINDS[row.kind].moves else 0.0, factor)
+    share = 2.0 * or_nan(report.tension_error) if KINDS[row.kind].moves else 0.0
+    return placed(getattr(row, field), share, _shown((row, field))[0])
+
+
+def _name_and_unit(_report: ReportData, row: MountRow, _scale: float) -> str:
+    return f"{row.name}, {KINDS[row.kind].shown[1]}"
 
 
 def _shown(part: tuple[MountRow, str]) -> tuple[float, str]:
@@ -268,7 +262,7 @@ def _cause(field: str) -> _Cells:
 
     def cells(report: ReportData, row: Creep, _scale: float) -> str:
         most = 100.0 * largest(one.slower for one in report.creep)
-        shown = within(most, report.creep_error and report.creep_error * most)
+        shown = within(most, or_nan(report.creep_error) * most)
         share = row.slower if field == "slower" else row.as_share * getattr(row, field)
         return fixed(share, 100.0, min(3, len(shown.partition(".")[2])))
 
@@ -296,9 +290,9 @@ def _part_of_power(report: ReportData, row: Power, value: float, least: float) -
     if row.kind == "lost":
         return digits.loss(report, row.power, value)
     of_pulleys = ("in", "out")
-    error = report.power_error if row.kind in of_pulleys else None
+    error = or_nan(report.power_error) if row.kind in of_pulleys else math.nan
     most = largest(one.power for one in report.powers if one.kind in of_pulleys)
-    return within(value, error and error * most * abs(value / row.power))
+    return within(value, error * most * abs(value / row.power))
 
 
 # --- The table ------------------------------------------------------------------------------------
@@ -329,6 +323,7 @@ _SPANS = {
     "name": Column("span", "", _named),
     "length": Column("", "length", _fixed("length", 1), "mm"),
     "tension": Column("tension", "tension", _tension("tension")),
+    "mean": Column("mean tension", "tension", _tension("tension")),
     "of_run": Column("run:", "of_run", _of_run),
     "line": Column("line", "frequency", _line),
     "line_of_drive": Column("line", "frequency", _line_of_drive),
@@ -336,11 +331,12 @@ _SPANS = {
     "string": Column("string", "lateral", _within("lateral", _off_string)),
     "string_3": Column("string", "lateral", _within("lateral", _off_string, 3)),
 }
-_TRAVEL = "mount: travel from its place"
 _MOUNTS = {
-    "name": Column(_TRAVEL, "", lambda _, row, __: f"{row.name}, {KINDS[row.kind].shown[1]}"),
+    "name": Column("mount: travel from its place", "", _name_and_unit),
     "travel": Column("mean", "", lambda report, row, _: _of_mount(report, row, "travel")),
     "stop": Column(_PARTS["to_stop"], "", lambda report, row, _: _of_mount(report, row, "to_stop")),
+}
+_PARTS_OF_MOUNTS = {
     "part": Column("mount", "", _part_name),
     "unit": Column("in", "", lambda _, part, __: _shown(part)[1]),
     "value": Column("mean", "", lambda report, part, _: _of_mount(report, *part)),
@@ -370,6 +366,7 @@ _COLUMNS: dict[str, tuple[type, dict[str, Column]]] = {
     "pulleys": (PulleyRow, _PULLEYS),
     "spans": (SpanRow, _SPANS),
     "mounts": (MountRow, _MOUNTS),
+    "parts": (MountRow, _PARTS_OF_MOUNTS),
     "creep": (Creep, _CREEP),
     "powers": (Power, _POWERS),
     "cycles": (Cycle, _CYCLES),

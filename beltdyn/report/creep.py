@@ -42,7 +42,7 @@ def creep_rows(window: Window) -> list[Creep]:
         return []
     kept = window.run._rims()
     if kept is None:
-        notes.append("no creep: couplings.rim_speed not asked for (outputs of simulate)")
+        window.lacks("no creep", "couplings.rim_speed")
         return []
     omega, radii, senses = window.mean(window.of(kept)), params._radii, params.route.senses
     rims = omega * radii * senses

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any
 
 import attrs
 import numpy as np
@@ -45,28 +45,20 @@ def rainflow(values: ArrayLike) -> list[Cycle]:
     ]
 
 
-class Counted(NamedTuple):
-    """Cycles of a joint or cell, largest range first."""
-
-    cycles: list[Cycle]
-    begin: float  # since when [s]
-    rounds: float | None = None  # of the belt since, if known
-
-
-def cycle_rows(window: Window, joint: int) -> Counted:
+def cycle_rows(window: Window, joint: int) -> dict[str, Any]:
     """Count the cycles of a joint over the last round of the belt or, if longer, the window."""
     run, driver, flows = window.run, window.driver, window.params._belt_facts["flows"]
-    for name in ("joints.force", *(("belt.passed",) if flows else ())):
-        if not run._has(name):
-            window.notes.append(f"no load cycles: {name} was not asked for")
-            return Counted([], float(window.t[0]))
+    found: dict[str, Any] = {"cycles": (), "cycles_begin": float(window.t[0]), "rounds": None}
+    for name in window.missing(("joints.force", "belt.passed"))[:1]:
+        window.notes.append(f"no load cycles: {name} was not asked for")
+        return found
     first, rounds = window.rows.start, None
     if driver is not None:
         gone = _gone(window, driver)
         before = np.flatnonzero(gone >= 1.0)
         first = min(first, int(before[-1]) if before.size else 0)
         rounds = float(gone[first])
-    begin = float(run.t[first])
+    found |= {"cycles_begin": float(run.t[first]), "rounds": rounds}
     try:
         force = run.joints.force[first:]
         if flows:
@@ -77,13 +69,13 @@ def cycle_rows(window: Window, joint: int) -> Counted:
         cycles = rainflow(values)
     except ImportError as error:
         window.notes.append(str(error))
-        return Counted([], begin, rounds)
+        return found
     if rounds is None or rounds < 1.0:
         part = "the belt stands still" if rounds is None else f"the run holds {rounds:.2g} rounds"
         window.notes.append(f"load cycles of a whole round: {part}, so not every pulley is in them")
     faint = NEGLIGIBLE_RANGE * float(window.params.info["strain_tension"])
     kept = [one for one in cycles if one.range > faint]
-    return Counted(_classes(kept), begin, rounds)
+    return found | {"cycles": tuple(_classes(kept))}
 
 
 def _gone(window: Window, driver: int) -> Array:

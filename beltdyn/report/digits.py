@@ -15,7 +15,6 @@ from .rows import RESIDUAL, MountRow, PulleyRow, ReportData, SpanRow, Spread
 
 __all__ = [
     "NONE",
-    "at_rest",
     "belt_speed",
     "between",
     "fixed",
@@ -31,13 +30,13 @@ __all__ = [
     "of_ratio",
     "of_speed",
     "of_tension",
+    "or_nan",
     "placed",
     "signed",
     "speed_errors",
     "tension_off",
     "total",
     "used",
-    "windup",
     "within",
 ]
 
@@ -88,7 +87,7 @@ def largest(values: Iterable[float | None]) -> float:
 
 def placed(
     value: Spread | None,
-    share: float | None,
+    share: float,
     scale: float = 1.0,
     ends: Spread | None = None,
     size: float | None = None,
@@ -98,11 +97,11 @@ def placed(
         return NONE, NONE, NONE
     ends = ends or value
     mean, least, most = scale * value.mean, *sorted((scale * ends.least, scale * ends.most))
-    known = [abs(one) for one in (mean, least, most) if math.isfinite(one)]
-    size = max(known, default=0.0) if size is None else abs(scale * size)
+    known = [one for one in (mean, least, most) if math.isfinite(one)]
+    size = largest(known) if size is None else abs(scale * size)
     if not 1e-3 <= size < 1e6:
         return number(mean, 2), number(least, 2), number(most, 2)
-    shown, digits = rounded(size, share and share * size)
+    shown, digits = rounded(size, share * size)
     place = digits - 1 - math.floor(math.log10(shown))
     told = [
         signed(f"{round(one, place):.{max(0, place)}f}") if math.isfinite(one) else number(one)
@@ -116,44 +115,42 @@ def between(ends: Sequence[str]) -> str:
     return NONE if NONE in ends else " to ".join(ends)
 
 
-def tension_off(report: ReportData) -> float | None:
-    """Return the error of mean tensions, a share of the mean of all spans [N]; None: not known."""
+# --- Errors, NaN where they are not known ---------------------------------------------------------
+
+
+def or_nan(error: float | None) -> float:
+    """Return an error, NaN for one that is not known."""
+    return math.nan if error is None else error
+
+
+def tension_off(report: ReportData) -> float:
+    """Return the error of mean tensions, a share of the mean of all spans [N]."""
     means = [row.tension.mean for row in report.spans if row.tension is not None]
     means = [one for one in means if math.isfinite(one)]  # of a span that is there
-    if not means or report.tension_error is None:
-        return None
-    return report.tension_error * abs(sum(means) / len(means))
+    return or_nan(report.tension_error) * abs(sum(means) / len(means)) if means else math.nan
 
 
 def of_tension(
     report: ReportData, value: Spread | None, spans: float = 1.0, ends: Spread | None = None
 ) -> tuple[str, str, str]:
-    """Return mean, least and most of the tensions of so many spans.
-
-    All have the place that the error leaves the mean, so that this is not beyond its own ends.
-    """
-    off = tension_off(report)
+    """Return mean, least and most of the tensions of so many spans, to the place of the mean."""
     if value is None or not value.mean:
-        return placed(value, None, ends=ends)
-    return placed(value, off and spans * off / abs(value.mean), ends=ends, size=value.mean)
+        return placed(value, math.nan, ends=ends)
+    share = spans * tension_off(report) / abs(value.mean)
+    return placed(value, share, ends=ends, size=value.mean)
 
 
 def speed_errors(accuracy: Accuracy, speeds: Array, prescribed: NDArray[np.bool_]) -> Array:
-    """Return the errors of the mean speeds of pulleys (n_p,) [rad/s].
-
-    Those that are prescribed have none; beside one the others are off by a creep at most.
-    """
-    share = of_loads(accuracy)
+    """Return the errors of the mean speeds of pulleys (n_p,) [rad/s]; none of prescribed ones."""
+    share = of_loads(accuracy)  # beside a prescribed speed others are off by a creep at most
     share = min(share, CREEPS) if prescribed.any() else share
     return np.where(prescribed, 0.0, share * np.abs(speeds))
 
 
 def of_loads(accuracy: Accuracy) -> float:
-    """Return the relative error of speeds and torques that follow from loads and losses [1].
-
-    What is lost on the way of the power shifts the speed at which loads balance, and the torque
-    that a prescribed speed needs.
-    """
+    """Return the relative error of speeds and torques that follow from loads and losses [1]."""
+    # What is lost on the way of the power shifts the speed at which loads balance, and the torque
+    # that a prescribed speed needs.
     return accuracy["speed"].known or accuracy["power"].known or CREEPS
 
 
@@ -175,24 +172,16 @@ def _led(report: ReportData) -> bool:
     return any(row.prescribed for row in report.pulleys if row.name == report.driver)
 
 
-def windup(report: ReportData, row: PulleyRow) -> tuple[str, str, str]:
-    """Return mean, least and greatest windup of a coupling [deg], with the error of its torque."""
-    return placed(row.windup, of_loads(report.accuracy), math.degrees(1.0))
-
-
 def belt_speed(report: ReportData) -> str:
     """Return the belt's speed; its error is that of creep where a speed is prescribed."""
     speed, share = abs(report.belt_speed or 0.0), of_loads(report.accuracy)
     return within(speed, speed * (min(share, CREEPS) if _led(report) else share))
 
 
-def of_grip(report: ReportData) -> float | None:
-    """Return the error of the friction limit [1], from tensions less rho v^2; None: not known."""
-    off = tension_off(report)
+def of_grip(report: ReportData) -> float:
+    """Return the error of the friction limit [1], from tensions less rho v^2."""
     pulls = [one for row in report.pulleys for one in (row.tight, row.slack) if one is not None]
-    if off is None or not pulls or not sum(pulls) > 0.0:
-        return None
-    return off * len(pulls) / sum(pulls)
+    return tension_off(report) * len(pulls) / sum(pulls) if sum(pulls) > 0.0 else math.nan
 
 
 def margin(report: ReportData, value: float | None) -> str:
@@ -201,44 +190,39 @@ def margin(report: ReportData, value: float | None) -> str:
         return NONE if value is None else "later"
     if not value > 0.0:
         return number(value, 2)
-    share = of_grip(report)
-    return within(value, share and share * value, max(1, 3 + math.floor(math.log10(value))))
+    decimals = max(1, 3 + math.floor(math.log10(value)))
+    return within(value, of_grip(report) * value, decimals)
 
 
-def of_ratio(report: ReportData, row: PulleyRow) -> float | None:
-    """Return the error of a ratio of tensions with equal errors; None: not known."""
-    off = tension_off(report)
-    if row.ratio is None or off is None or not row.slack:
-        return None
-    return off * abs(row.ratio - 1.0) / row.slack
+def of_ratio(report: ReportData, row: PulleyRow) -> float:
+    """Return the error of a ratio of tensions with equal errors."""
+    if row.ratio is None or not row.slack:
+        return math.nan
+    return tension_off(report) * abs(row.ratio - 1.0) / row.slack
 
 
 def used(report: ReportData, row: PulleyRow, scale: float = 100.0) -> tuple[str, str, str]:
-    """Return the friction in use [1] times a factor, from the logarithm of a ratio, with its range.
-
-    The most of it is "slack" where it is infinite.
-    """
-    off, part, ratio = of_ratio(report, row), row.used, row.ratio
-    if part and ratio and off is not None:  # of the logarithm over the ratio's; a tenth at best
-        off = max(1e-3, off * part / (ratio * math.log(ratio)))
+    """Return the friction in use [1] times a factor, by the logarithm of a ratio, and its range."""
+    share, part, ratio = math.nan, row.used, row.ratio
+    if part and ratio:  # of the logarithm over the ratio's; a tenth at best, NaN stays
+        share = max(of_ratio(report, row) * part / (ratio * math.log(ratio)), 1e-3) / part
     mean = row.used_range if part is None else Spread(part, part, part)
-    told = placed(mean, off and off / part if part else None, scale, row.used_range, part or None)
+    told = placed(mean, share, scale, row.used_range, part or None)
     return told[0], told[1], told[2].replace("none", "slack")
 
 
 def line_frequency(report: ReportData, row: SpanRow | MountRow) -> str:
     """Return the frequency of a line of something that swings under the belt's tension."""
-    share = report.tension_error
     if row.frequency is None:
         return NONE
-    return within(row.frequency, share and 0.5 * share * row.frequency, 3)
+    return within(row.frequency, 0.5 * or_nan(report.tension_error) * row.frequency, 3)
 
 
 def loss(report: ReportData, power: float, value: float | None = None) -> str:
     """Return a power loss, total or by one cause; its error is at most the loss."""
     value = power if value is None else value
-    share = report.efficiency_error
-    return within(value, share and share * total(report, "in") * abs(value / power))
+    error = or_nan(report.efficiency_error) * total(report, "in")
+    return within(value, error * abs(value / power) if power else math.nan)
 
 
 def total(report: ReportData, kind: str) -> float:
@@ -247,20 +231,11 @@ def total(report: ReportData, kind: str) -> float:
 
 
 def lost(report: ReportData) -> tuple[str, bool]:
-    """Return the total loss, and whether it exceeds its error and the residual of the ledger.
-
-    Friction gives back what it had stored where links stick; dampers give nothing back.
-    """
+    """Return the total loss, and whether it exceeds its error and the residual of the ledger."""
     power, put_in = total(report, "lost"), total(report, "in")
     unknown = max(abs(report.powers[RESIDUAL].power), (report.efficiency_error or 0.0) * put_in)
     if abs(power) < unknown:
         return f"less than some {number(abs(power) + unknown, 2)} W lost", False
-    if power < 0.0:
+    if power < 0.0:  # dampers give nothing back
         return f"{loss(report, -power)} W given back by friction, which had stored it", False
     return f"{loss(report, power)} W lost", True
-
-
-def at_rest(report: ReportData) -> str:
-    """Return the mean tension at rest; its error is at most that of the run."""
-    share = report.tension_error
-    return within(report.rest_tension, share and share * abs(report.rest_tension or 0.0))

@@ -36,77 +36,71 @@ _ROWS: dict[str, type] = {
 }
 
 
-def _of_run() -> list[str]:
-    """List the fields of a report that are numbers of the run as a whole, and its driver."""
-    kinds = ("int", "float", "float | None", "Spread | None", "str | None")
-    fields: Any = attrs.fields(ReportData)
-    return [one.name for one in fields if str(one.type) in kinds]
+#: Ends of the names of what a field consists of, by the name of its type.
+_ENDS = {
+    "Spread | None": ("", " least", " most"),
+    "tuple[float, float] | None": (" tight", " slack"),
+}
+
+
+def _fields(part: str) -> dict[str, tuple[str, ...]]:
+    """Return the fields of a part that are numbers or texts, with the ends of what is in each."""
+    kind: Any = _ROWS.get(part, ReportData)
+    types = {one.name: str(one.type) for one in attrs.fields(kind) if one.name != "name"}
+    if kind is ReportData:  # of the run as a whole, and its driver
+        of_run = ("int", "float", "float | None", "Spread | None", "str | None")
+        types = {name: one for name, one in types.items() if one in of_run}
+    return {name: _ENDS.get(one, ("",)) for name, one in types.items()}
 
 
 def quantities(part: str) -> list[str] | None:
-    """List the quantities that :func:`numbers` may have of a part; None if there is none.
-
-    All of a quantity: its mean, and " least" and " most" of one that has a range.
-    """
-    if part == "report":
-        return [*_of_run(), "belt_speeds least", "belt_speeds most", "first_to_slip", "steady"]
-    if part not in _ROWS:
+    """List the quantities that :func:`numbers` may have of a part; None if there is none."""
+    if part not in ("report", *_ROWS):
         return None
-    found: list[str] = []
-    kind: Any = _ROWS[part]
-    for field in attrs.fields(kind):
-        if field.name != "name":
-            spread, two = "Spread" in str(field.type), "tuple" in str(field.type)
-            ends = (" tight", " slack") if two else ("", *((" least", " most") if spread else ()))
-            found += [f"{field.name}{end}" for end in ends]
-    return [*found, "slower"] if part == "creep" else found
-
-
-def _unit(row: Any, field: str) -> str:
-    unit = unit_of(type(row), field)
-    return KINDS[row.kind].unit(unit) if isinstance(row, MountRow) else unit
+    further = {"report": ["first_to_slip", "steady"], "creep": ["slower"]}
+    found = [f"{name}{end}" for name, ends in _fields(part).items() for end in ends]
+    return found + further.get(part, [])
 
 
 def numbers(report: ReportData) -> list[Number]:
-    """Return all numbers and texts, angles in rad: part, name, quantity, unit, value, text.
+    """Return all numbers and texts, angles in rad.
 
     Of the run itself as part "report": its window, driver and belt speed, whether it is steady, the
     notes and warnings. A text has the value NaN; yes and no are 1 and 0, with the text.
     """
     found = []
 
-    def add(part: str, name: str, quantity: str, unit: str, value: Any) -> None:
+    def add(part: str, name: str, quantity: str, value: Any, unit: str = "") -> None:
         if isinstance(value, bool):
             found.append(Number(part, name, quantity, "1", float(value), "yes" if value else "no"))
         elif isinstance(value, str):
             found.append(Number(part, name, quantity, "", math.nan, value))
-        elif isinstance(value, Spread):
-            for suffix, one in (("", "mean"), (" least", "least"), (" most", "most")):
-                add(part, name, quantity + suffix, unit, getattr(value, one))
-        elif isinstance(value, tuple):
-            for suffix, one in zip((" tight", " slack"), value, strict=True):
-                add(part, name, quantity + suffix, unit, one)
         elif value is not None:
             found.append(Number(part, name, quantity, unit, float(value), None))
 
-    for field in _of_run():
-        add("report", "", field, unit_of(ReportData, field), getattr(report, field))
-    first = report.first_to_slip
-    add("report", "", "first_to_slip", "", None if first is None else first.name)
-    add("report", "", "steady", "", not report.unsteady)
+    def add_fields(part: str, name: str, row: Any) -> None:
+        for field, ends in _fields(part).items():
+            value, unit = getattr(row, field), unit_of(type(row), field)
+            if isinstance(row, MountRow):
+                unit = KINDS[row.kind].unit(unit)
+            if field == "link_passing" and value is None:
+                value = "may be"
+            if field != "link_passing" or row.frequency is not None:
+                parts = attrs.astuple(value) if isinstance(value, Spread) else value
+                parts = parts if isinstance(parts, tuple) else (value,)
+                for end, one in zip(ends, parts, strict=False):
+                    add(part, name, field + end, one, unit)
+
+    add_fields("report", "", report)
+    add("report", "", "first_to_slip", report.first_to_slip and report.first_to_slip.name)
+    add("report", "", "steady", not report.unsteady)
     for field in ("unsteady", "notes", "warnings"):
         for k, text in enumerate(getattr(report, field)):
-            add("report", str(k), field, "", str(text))
+            add("report", str(k), field, str(text))
     for part in _ROWS:
         for index, row in enumerate(getattr(report, part)):
             name = getattr(row, "name", f"class {index}")
-            for field, value in attrs.asdict(row, recurse=False).items():
-                if field == "link_passing" and row.frequency is None:
-                    continue
-                if field == "link_passing" and value is None:
-                    value = "may be"
-                if field != "name":
-                    add(part, name, field, _unit(row, field), value)
+            add_fields(part, name, row)
             if isinstance(row, Creep):
-                add(part, name, "slower", "1", row.slower)
+                add(part, name, "slower", row.slower, "1")
     return found

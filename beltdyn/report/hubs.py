@@ -46,10 +46,7 @@ def hub_statics(window: Window) -> Array | None:
 
 
 def hub_load(window: Window, statics: Array | None, k: int) -> dict[str, Any]:
-    """Return the hub load of a pulley with its direction: from the spans, else of the contact.
-
-    Ranges of the former are of running means over the time in which a link passes.
-    """
+    """Return a pulley's hub load and its direction: by the spans, without ripple, or contact."""
     load, passing, least = window.of(window.run.pulleys.load)[:, k], 0.0, NEGLIGIBLE_FORCE
     if by_spans(statics, k):
         assert statics is not None

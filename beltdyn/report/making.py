@@ -8,8 +8,8 @@ import attrs
 import numpy as np
 
 from ..base.checks import integer, share_of_run
-from ..outputs.accuracy_report import Run
 from ..outputs.averages import LAST
+from ..outputs.sampled import Sampled
 from .creep import creep_rows
 from .cycles import cycle_rows
 from .hubs import hub_statics
@@ -34,43 +34,33 @@ IDLE = 0.01
 
 #: What needs which outputs; frequencies, powers and cycles name theirs themselves.
 _PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
-    (("pulleys.omega",), "speeds, no creep, no margin to slip"),
-    (("pulleys.torque",), "torques"),
-    (("pulleys.load",), "hub loads"),
-    (OF_ARCS, "arcs of contact and slip"),
-    (NEEDED, "ratios of tensions, margin to slip, split of creep, friction by pulley"),
-    (("span_tension",), "mean tensions of spans, ratios, margin to slip, split of creep"),
+    (("pulleys.omega",), "no speeds, no creep, no margin to slip"),
+    (("pulleys.torque",), "no torques"),
+    (("pulleys.load",), "no hub loads"),
+    (OF_ARCS, "no arcs of contact and slip"),
+    (NEEDED, "no ratios of tensions, margin to slip, split of creep, friction by pulley"),
+    (("span_tension",), "no mean tensions of spans, ratios, margin to slip, split of creep"),
 )
 
 
-def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool = True) -> Report:
-    """Make the report of the last part of a run.
-
-    Args:
-        run: A run, finished or not.
-        last: The part of it, counted from its end, as a share of it, 0 < last <= 1.
-        joint: The joint whose load cycles are counted.
-        margins: Whether to look for margins to slip, which takes most of the time.
-
-    Raises:
-        TypeError, ValueError: ``last`` or ``joint`` breaks its rule; the run has not two samples.
-    """
+def make_report(
+    run: Sampled, last: float = LAST, joint: int = 0, *, margins: bool = True
+) -> Report:
+    """Make the report of the last part of a run; ``margins`` to slip take most of its time."""
     share, params = share_of_run("last", last), run.params
     which = integer("joint", joint, 0)
     if which >= params.n_bodies:
         raise ValueError(f"joint must be < {params.n_bodies}, the number of joints, got {which}")
     window = Window.last(run, share)
-    notes = window.notes
+    notes, driver, belt = window.notes, window.driver, window.belt
     for names, parts in _PARTS:
-        if lacking := window.missing(names):
-            notes.append(f"no {parts}: {', '.join(lacking)} not asked for (outputs of simulate)")
-    if window.lost_mounts:
-        notes.append(
+        window.lacks(parts, *names)
+    if params.mounted:
+        window.lacks(
             "no wraps, limits, lengths and string frequencies of spans, margin to slip, no torque "
-            "of the belt on pulleys with mounts and no split of their creep: mounts.travel not "
-            "asked for (outputs of simulate)"
+            "of the belt on pulleys with mounts and no split of their creep",
+            "mounts.travel",
         )
-    driver, belt = window.driver, window.belt
     if driver is None and run._has("pulleys.omega"):
         notes.append("the belt stands still in this window: no creep; margins are those at rest")
     if not params.has_friction:
@@ -79,13 +69,17 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
     statics = hub_statics(window)
     pulleys = pulley_rows(window, statics, margins)
     _bending(window, pulleys)
-    spans = span_rows(window)
-    mounts = mount_rows(window, statics)
-    creep = creep_rows(window)
-    powers, efficiency, efficiency_error = power_rows(window)
+    rows = {  # in the order of their notes
+        "pulleys": Rows(pulleys),
+        "spans": Rows(span_rows(window)),
+        "mounts": Rows(mount_rows(window, statics)),
+        "creep": Rows(creep_rows(window)),
+        **power_rows(window),
+    }
     notes += run.accuracy.notes
-    counted = cycle_rows(window, which)
+    rows |= cycle_rows(window, which)
     return Report(
+        **rows,
         begin=float(window.t[0]),
         end=float(window.t[-1]),
         samples=window.t.size,
@@ -96,21 +90,11 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
             None if params._belt_facts["tangents"] else float(params.info["mean_tension"])
         ),
         mass_tension=None if belt is None else float(belt.centrifugal),
-        pulleys=Rows(pulleys),
-        spans=Rows(spans),
-        mounts=Rows(mounts),
-        creep=Rows(creep),
-        powers=Rows(powers),
-        efficiency=efficiency,
-        efficiency_error=efficiency_error,
         power_error=run.accuracy["power"].known,
         tension_error=run.accuracy["span_mean"].known,
         creep_error=run.accuracy["creep"].known,
         nodes=params._belt_facts["nodes"],
-        cycles=tuple(counted.cycles),
         joint=which,
-        cycles_begin=counted.begin,
-        rounds=counted.rounds,
         unsteady=tuple(window.unsteady()),
         notes=tuple(notes),
         accuracy=run.accuracy,
@@ -118,12 +102,8 @@ def make_report(run: Run, last: float = LAST, joint: int = 0, *, margins: bool =
     )
 
 
-def creep_of(run: Run, last: float = LAST) -> tuple[str, list[Creep]]:
-    """Return the driving pulley and the rows of creep of the others.
-
-    Returns:
-        "" and no rows if it cannot be told.
-    """
+def creep_of(run: Sampled, last: float = LAST) -> tuple[str, list[Creep]]:
+    """Return the driving pulley, "" if there is none, and the rows of creep of the others."""
     if run.t.size < 2 or not run.t[-1] > run.t[0] or not run._has("pulleys.omega"):
         return "", []
     window = Window.last(run, last)

@@ -25,10 +25,7 @@ def mount_rows(window: Window, statics: Array | None) -> list[MountRow]:
     params, run, mounts = window.params, window.run, window.run.mounts
     if mounts is None:
         return []
-    outputs = ("travel", *(f"{force}_force" for force in _FORCES))
-    lacking = [f"mounts.{name}" for name in outputs if not run._has(f"mounts.{name}")]
-    if lacking:
-        window.notes.append(f"mounts: {', '.join(lacking)} not asked for (outputs of simulate)")
+    window.lacks("mounts", "mounts.travel", *(f"mounts.{force}_force" for force in _FORCES))
     rows = []
     for m, k in enumerate(params.mounted):
         mount, name = params.effective_pulleys[k].mount, params.pulley_names[k]

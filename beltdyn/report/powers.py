@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from .. import _core
@@ -9,7 +11,7 @@ from ..base.rounding import percent
 from ..drive import sanity
 from ..outputs.arcs import per_pulley
 from .digits import number
-from .rows import RESIDUAL, Power
+from .rows import RESIDUAL, Power, Rows
 from .touching import Touching
 from .window import Window
 
@@ -30,8 +32,8 @@ _LOSSES = {
 STORED = 0.01
 
 
-def power_rows(window: Window) -> tuple[list[Power], float | None, float | None]:
-    """Return the rows, the efficiency and its error; note what is missing.
+def power_rows(window: Window) -> dict[str, Any]:
+    """Return the rows, the efficiency and its error by their names; note what is missing.
 
     Losses and the change of what is stored are differences of the ledger over the window, exact but
     for its residual. Powers of pulleys are means of samples; "error of sampling" is what their sum
@@ -49,7 +51,7 @@ def power_rows(window: Window) -> tuple[list[Power], float | None, float | None]
     elif not (run._has("pulleys.omega") and run._has("pulleys.torque")):
         notes.append("no powers: pulleys.omega or pulleys.torque not asked for")
     if energy is None or window.missing(("pulleys.omega", "pulleys.torque")):
-        return [], None, None
+        return {"powers": Rows(), "efficiency": None, "efficiency_error": None}
 
     def rate(history: np.ndarray | None) -> float:
         if history is None:
@@ -106,7 +108,7 @@ def power_rows(window: Window) -> tuple[list[Power], float | None, float | None]
         Power(name=name, kind=kind, power=power, share=power / put_in if put_in > 0.0 else None)
         for name, kind, power in rows
     ]
-    return found, efficiency, error
+    return {"powers": Rows(found), "efficiency": efficiency, "efficiency_error": error}
 
 
 def _error(window: Window, put_in: float, contact: float, friction: float) -> float:

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import attrs
 import numpy as np
@@ -56,17 +56,16 @@ class Steady:
     friction: Array | None = None  # coefficients (n_p,) [1]; None: those in fast slip
 
 
-@attrs.frozen(kw_only=True)
-class FullSlip:
-    """Full slip of a pulley: factor of all loads, its torque [N m], its tensions [N].
+class FullSlip(NamedTuple):
+    """Full slip of a pulley.
 
     What else takes power, such as a belt that resists being bent, does not grow with the loads, so
     the torque of the driving pulley grows by less than the factor.
     """
 
-    factor: float
-    torque: float
-    tensions: tuple[float, float]
+    factor: float  # of all loads
+    torque: float  # of the belt on it [N m]
+    tensions: tuple[float, float]  # of its tight and slack span [N]
 
 
 class _Theory:
@@ -80,12 +79,12 @@ class _Theory:
         self.mu = params._slip_limits[0] if given is None else given
         self.radii = params._radii
         self.raised = raised(params, self.radii)
-        self.arrives = -1 if steady.speed >= 0.0 else 0
-        self.before = np.arange(self.radii.size) - 1
+        self.mean = float(steady.tension.mean())
         # Of span k the pulley k + 1 is the next one: tension on arriving is that of span k - 1.
+        self.arrives = -1 if steady.speed >= 0.0 else 0
         self.stretch_in = self.span(steady.tension[steady.driver + self.arrives]).stretch
         pulls = self.span(steady.tension, steady.speed).pull
-        self.measured = pulls - pulls[self.before]
+        self.measured = pulls - np.roll(pulls, 1)
         per_factor = params.route.senses * steady.torque / self.radii
         if growing is not None:
             per_factor = np.where(np.arange(per_factor.size) == growing, per_factor, 0.0)
@@ -94,65 +93,52 @@ class _Theory:
         self.per_factor = per_factor
         self.moving = params._moving
         self.free = [m for m, *_ in self.moving]
-        self.offset = np.zeros(1 + len(self.free))
-        self.offset = self._misfit(self.start(), 1.0)
-
-    def start(self) -> Array:
-        """Return the unknowns of the mean state: tension of the last span, travels."""
-        return np.concatenate([self.steady.tension[-1:], self.steady.travel[self.free]])
+        #: Unknowns of the mean state: tension of the last span, travels of mounts that move.
+        self.start = np.concatenate([steady.tension[-1:], steady.travel[self.free]])
+        self.offset = np.zeros(self.start.size)
+        self.offset = self._misfit(self.start, 1.0)
 
     def span(self, tension: Any, speed: float = 0.0) -> Span:
         return Span(self.params.belt, tension, speed)
 
-    def speed_at(self, arriving: float) -> float:
-        """Return the speed of the belt when it arrives at the driving pulley with this tension."""
-        return float(self.steady.speed * self.stretch_in / self.span(arriving).stretch)
+    def _steps(self, factor: float) -> Array:
+        """Return the pull of each span over that of the last one [N]."""
+        return np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
 
     def tensions(self, last: float, factor: float) -> tuple[Array, float]:
         """Return the tensions of all spans from that of the last one, and the belt's speed."""
-        speed = self.steady.speed
-        steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
+        speed, steps = self.steady.speed, self._steps(factor)
         for _ in range(3):  # the speed changes by strains alone
             pull = self.span(last, speed).pull + steps
             tension = Span.of_pull(self.params.belt, pull, speed).tension
-            speed = self.speed_at(float(tension[self.steady.driver + self.arrives]))
+            # it is held where the belt arrives at the driving pulley
+            arriving = self.span(float(tension[self.steady.driver + self.arrives]))
+            speed = float(self.steady.speed * self.stretch_in / arriving.stretch)
         if np.min(pull) <= 0.0:
             raise ValueError("a span would be slack")
         return tension, speed
 
-    def _tightest(self, factor: float) -> float:
-        """Return a tension of the last span with which none is slack, as a start [N]."""
-        steps = np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
-        spare = 0.02 * float(self.steady.tension.mean())
-        least = float(spare - np.min(steps))
-        return float(Span.of_pull(self.params.belt, least, self.steady.speed).tension)
-
-    def route(self, travels: Array) -> Route:
-        if not self.params.mounted:
-            return self.params.route
-        return route_at(self.params.pulleys, self.params.centers(self.travels(travels)))
-
-    def travels(self, free: Array) -> Array:
-        """Return the travels of all mounts, from those that move."""
-        full = np.array(self.steady.travel)
-        full[self.free] = free
-        return full
+    def route(self, unknown: Array) -> tuple[Route, Array, Array]:
+        """Return the way of the belt, travels of all mounts, axes."""
+        travels = np.array(self.steady.travel)
+        travels[self.free] = unknown[1:]
+        centers = self.params.centers(travels)
+        way = self.params.route
+        return route_at(self.params.pulleys, centers) if travels.size else way, travels, centers
 
     def _misfit(self, unknown: Array, factor: float) -> Array:
         """Return the residuals of length (relative) and of mounts (over the tension)."""
-        travels = unknown[1:]
         tension, speed = self.tensions(float(unknown[0]), factor)
-        way = self.route(travels)
+        way, travels, centers = self.route(unknown)
         span = self.span(tension, speed)
         pull, free = span.pull, np.sum(way.spans / span.stretch)
         misfit = [float(free + self._on_pulleys(pull, speed, way)) / self.length]
         ends = way._ways / way.spans[:, None]
-        full = self.travels(travels)
-        centers, forces = self.params.centers(full), self.params._model.mount_forces(full)
+        forces = self.params._model.mount_forces(travels)
         for m, k, mount in self.moving:
             along = mount._direction(centers[k])
             held = float(along @ (pull[k] * ends[k] - pull[k - 1] * ends[k - 1]))
-            scale = float(np.linalg.norm(along) * self.steady.tension.mean())
+            scale = float(np.linalg.norm(along) * self.mean)
             misfit.append((held + float(forces[m])) / scale)
         return np.array(misfit) - self.offset
 
@@ -160,12 +146,12 @@ class _Theory:
         """Return the angle of slip that each pulley needs; infinite where it has no friction."""
         if (pull <= 0.0).any():
             raise ValueError("a span would be slack")
-        logs = np.abs(np.log(pull / pull[self.before]))
+        logs = np.abs(np.log(pull / np.roll(pull, 1)))
         return np.divide(logs, self.mu, out=np.where(logs > 0.0, np.inf, 0.0), where=self.mu > 0.0)
 
     def _on_pulleys(self, pull: Array, speed: float, way: Route) -> float:
         """Return the stress-free length of the belt on the pulleys [m]."""
-        first, last = pull[self.before], pull
+        first, last = np.roll(pull, 1), pull
         if self.arrives == 0:
             first, last = last, first
         slip = np.minimum(self.slip_angles(pull), way.wraps)
@@ -185,9 +171,12 @@ class _Theory:
     def solve(self, factor: float, start: Array) -> Array:
         """Return the unknowns at a factor, by Newton's method with differences."""
         unknown = np.array(start)
-        unknown[0] = max(unknown[0], self._tightest(factor))
-        sizes = np.concatenate([[self.steady.tension.mean()], np.full(len(self.free), 1e-2)])
-        reach = np.full(len(self.free), 0.1)
+        # with which no span is slack
+        least = float(0.02 * self.mean - np.min(self._steps(factor)))
+        tight = Span.of_pull(self.params.belt, least, self.steady.speed).tension
+        unknown[0] = max(unknown[0], float(tight))
+        sizes = np.append(self.mean, np.full(len(self.free), 1e-2))
+        reach = np.append(0.5 * self.mean, np.full(len(self.free), 0.1))
         best, worse = math.inf, 0
         for _ in range(60):
             misfit = self._misfit(unknown, factor)
@@ -202,9 +191,7 @@ class _Theory:
             step = np.linalg.solve(slopes, misfit)
             # Whole steps: where a stop begins, misfits are piecewise linear, and a step across it
             # is away from the solution before the next one finds it.
-            share = min(
-                1.0, *(np.append(0.5 * sizes[:1], reach) / np.maximum(np.abs(step), 1e-300))
-            )
+            share = min(1.0, *(reach / np.maximum(np.abs(step), 1e-300)))
             for _ in range(40):
                 moved = unknown - share * step
                 try:
@@ -224,13 +211,12 @@ class _Theory:
         raise ValueError("no state found")
 
 
-@attrs.frozen(eq=False)
-class _State:
-    """A solved state: factor, unknowns, used share of every wrap."""
+class _State(NamedTuple):
+    """A solved state."""
 
     factor: float
     unknown: Array
-    used: Array
+    used: Array  # share of every wrap
 
 
 def full_slip(
@@ -263,7 +249,7 @@ def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
         tension, speed = theory.tensions(float(unknown[0]), factor)
         pull = theory.span(tension, speed).pull
         angles = theory.slip_angles(pull)
-        return _State(factor, unknown, angles / theory.route(unknown[1:]).wraps)
+        return _State(factor, unknown, angles / theory.route(unknown)[0].wraps)
     except (ValueError, np.linalg.LinAlgError):
         return None
 
@@ -277,13 +263,11 @@ def _march(
     before.
     """
     growth, slack = (1.6, 10.0 * _SLACK) if coarse else (1.25, _SLACK)
-    first = _at(theory, 1.0, theory.start())
+    first = _at(theory, 1.0, theory.start)
     if first is None:
         raise ValueError("the tensions of the window are none of a tight belt")
-    states = [first]
     none = _at(theory, 0.0, first.unknown)
-    if none is not None:
-        states.insert(0, none)
+    states = [first] if none is None else [none, first]
     failed = math.inf
     while not of_them(states[-1].used[holds] >= 1.0):
         last = states[-1]

@@ -210,11 +210,8 @@ class _Slipping:
                 f"{high:.3g} m/s in this window"
             )
             return
-        driver, speed = window.driver, self.touching.speed
-        if driver is None:  # it stands still: what holds it makes up for the rest
-            driver, speed = int(np.argmax(np.abs(torque))), 0.0
         travels, sticking = window.mean(self.travels), []
-        state = self._state(driver, self.tension, torque, speed, travels)
+        state = self._state(window.driver, self.tension, torque, self.touching.speed, travels)
         try:
             together = full_slip(state)
             if self.falls.any():
@@ -231,7 +228,7 @@ class _Slipping:
                 found |= {"slip_torque": one.torque, "slip_tensions": one.tensions}
             if self.falls[k] and (held := sticking[k]) is not None:
                 found["sticking_margin"] = held.factor
-            alone = one if k == driver else _found(state, k, alone=True)
+            alone = one if k == state.driver else _found(state, k, alone=True)
             if alone is not None:
                 own = None if math.isinf(alone.factor) else alone.torque
                 found |= {"own_margin": alone.factor, "own_slip_torque": own}
@@ -246,10 +243,8 @@ class _Slipping:
         if math.isinf(history[at]):
             found |= {"least_margin": 1.0, "worst_time": when}
             return
-        torque, speed = self.torques[at], float(self.speeds[at])
-        if self.window.driver is None:
-            driver, speed = int(np.argmax(np.abs(torque))), 0.0
-        else:
+        driver, torque, speed = self.window.driver, self.torques[at], float(self.speeds[at])
+        if driver is not None:  # the one that puts in most then
             omega = self.window.of(self.window.run.pulleys.omega)[at]
             driver = int(np.argmin(torque * omega))
         one = _found(self._state(driver, self.tensions[at], torque, speed, self.travels[at]), k)
@@ -257,8 +252,10 @@ class _Slipping:
             found |= {"least_margin": one.factor, "worst_time": when}
 
     def _state(
-        self, driver: int, tension: Array, torque: Array, speed: float, travel: Array
+        self, driver: int | None, tension: Array, torque: Array, speed: float, travel: Array
     ) -> Steady:
+        if driver is None:  # it stands still: what holds it makes up for the rest
+            driver, speed = int(np.argmax(np.abs(torque))), 0.0
         return Steady(
             params=self.params,
             tension=tension,

@@ -38,11 +38,7 @@ class Line(NamedTuple):
 
 
 def dominant(t: Array, values: Array) -> Line | None:
-    """Find the dominant line in the spectrum of evenly spaced samples; None if there is none.
-
-    Amplitude spectrum with Hann's window, the mean and the linear trend taken off; its frequency
-    from the three largest values (parabola through their logarithms).
-    """
+    """Find the dominant line in the spectrum of evenly spaced samples; None if there is none."""
     n = t.size
     if n < 2 * (LEAST + 2):
         return None

@@ -11,9 +11,9 @@ from .. import _core
 from ..base.tables import Table, paragraphs, wrapped
 from ..drive.mounts import KINDS
 from . import digits
-from .columns import STILL, Layout, has_shares, made, parts_of_mounts
+from .columns import STILL, Layout, has_shares, made
 from .cycles import CLASSES
-from .digits import NONE, between, number, tension_off, within
+from .digits import NONE, between, number, or_nan, placed, tension_off, within
 from .rows import RESIDUAL, PulleyRow, ReportData
 
 __all__ = [
@@ -43,9 +43,8 @@ LINKS = 3.0
 def tables(report: ReportData) -> Iterator[Table]:
     """Yield the tables of a report that are not empty."""
     for layout in _layouts(report):
-        rows = parts_of_mounts(report) if layout.part == "mounts" else getattr(report, layout.part)
-        table = made(report, layout, rows) if rows else None
-        if table and any(cell != NONE for row in table.rows for cell in row[1:]):
+        table = made(report, layout)
+        if any(cell != NONE for row in table.rows for cell in row[1:]):
             yield table
 
 
@@ -79,7 +78,7 @@ def _layouts(report: ReportData) -> Iterator[Layout]:
     )
     yield Layout(
         "Mounts: travel, and what acts on them",
-        "mounts",
+        "parts",
         "part unit value value:range line amplitude",
         _on_mounts,
     )
@@ -100,7 +99,7 @@ def couplings(report: ReportData) -> Iterator[str]:
     for row in report.pulleys:
         if row.windup is None:
             continue
-        mean, *ends = digits.windup(report, row)
+        mean, *ends = placed(row.windup, digits.of_loads(report.accuracy), math.degrees(1.0))
         text = f"Coupling of {row.name}: windup {mean} deg ({between(ends)})"
         if row.overruns is not None:
             text += f", overruns {100.0 * row.overruns:.0f} % of the time"
@@ -222,11 +221,12 @@ def _on_spans(report: ReportData) -> Iterator[str]:
 
 def beside_tensions(report: ReportData) -> list[str]:
     """Return the tension at rest and the part of the tension that turns the belt's mass."""
+    off = or_nan(report.tension_error) * abs(report.rest_tension or 0.0)  # of the run, at most
     known = {
-        "mean tension at rest": report.rest_tension is not None and digits.at_rest(report),
-        "rho v^2": report.mass_tension is not None and number(report.mass_tension, 3),
+        "mean tension at rest": within(report.rest_tension, off),
+        "rho v^2": number(report.mass_tension, 3),
     }
-    return [f"{name} {value} N" for name, value in known.items() if value]
+    return [f"{name} {value} N" for name, value in known.items() if value != NONE]
 
 
 def _on_mounts(report: ReportData) -> Iterator[str]:
@@ -298,25 +298,17 @@ def opening(report: ReportData) -> list[str]:
         told = f"; belt at {digits.belt_speed(report)} m/s"
     if report.driver and range_ is not None and range_.most - range_.least > abs(range_.mean):
         told = f"; belt at {range_.least:.3g} to {range_.most:.3g} m/s"
-    driver = "" if report.driver is None else f", driven by {report.driver}"
-    found = [
-        f"Means over t = {report.begin:.6g} to {report.end:.6g} s, {report.samples} samples"
-        f"{told}{_against(report)}{driver}"
-    ]
-    return found + ([f"  not steady: {_unsteady(report)}"] if report.unsteady else [])
-
-
-def _against(report: ReportData) -> str:
-    """Note that the belt runs against the numbering of its links, if it does."""
-    speed = report.belt_speed or 0.0
-    nodes = "cells" if cells(report) else "links"
-    return f" against the order of its {nodes}" if speed < -STILL else ""
-
-
-def _unsteady(report: ReportData) -> str:
-    """Return what is least steady, and how many others are not."""
-    more = len(report.unsteady) - 1
-    return report.unsteady[0] + (f"; and {more} more (report.unsteady)" if more else "")
+    if (report.belt_speed or 0.0) < -STILL:
+        told += f" against the order of its {'cells' if cells(report) else 'links'}"
+    if report.driver is not None:
+        told += f", driven by {report.driver}"
+    begin, end = f"{report.begin:.6g}", f"{report.end:.6g}"
+    found = [f"Means over t = {begin} to {end} s, {report.samples} samples{told}"]
+    for least_steady in report.unsteady[:1]:
+        more = len(report.unsteady) - 1
+        others = f"; and {more} more (report.unsteady)" if more else ""
+        found.append(f"  not steady: {least_steady}{others}")
+    return found
 
 
 def _closing(report: ReportData) -> Iterator[tuple[str, Sequence[str]]]:

@@ -10,10 +10,10 @@ from .. import _core
 from ..base.checks import Array
 from ..drive.compliance import running_radius
 from ..drive.span import Span
-from ..outputs.accuracy_report import Run
 from ..outputs.arcs import contact_points, per_pulley
 from ..outputs.averages import mean_over
 from ..outputs.gross_slip import GrossSlip, gross_slip
+from ..outputs.sampled import Sampled
 
 __all__ = ["NEEDED", "Touching", "touching"]
 
@@ -52,7 +52,7 @@ class Touching:
     gross: GrossSlip | None  # where pulleys slip over their whole wrap; None: nowhere
 
 
-def touching(run: Run, rows: slice, weights: Array, centers: Array) -> Touching:
+def touching(run: Sampled, rows: slice, weights: Array, centers: Array) -> Touching:
     """Read contact and friction off a window of a run, with its weights and the axes there."""
     params, contact = run.params, run.contact
     facts, l0, n_p = params._belt_facts, float(params.info["link_length"]), len(params.pulleys)
@@ -105,12 +105,9 @@ def _chord(half: Array, stretch: Array, facts: _core.BeltFacts) -> Array:
 
 
 def _speed(
-    run: Run, rows: slice, weights: Array, touched: NDArray[np.int32], stretch: Array
+    run: Sampled, rows: slice, weights: Array, touched: NDArray[np.int32], stretch: Array
 ) -> tuple[float, Array]:
-    """Return the stress-free length that passes in a second [m/s]: mean, and at the samples.
-
-    Of the free links along themselves: what they have across is swing of the spans.
-    """
+    """Return the stress-free length that passes in a second [m/s]: mean, and at the samples."""
     belt = run.belt
     if run.params._belt_facts["flows"]:
         speeds = belt.flow[rows]
@@ -119,6 +116,7 @@ def _speed(
     free = touched < 0
     if not free.any():
         free = np.ones_like(free)
+    # along themselves: what they have across is swing of the spans
     along = belt.vx[rows] * np.cos(phi) + belt.vy[rows] * np.sin(phi)
     moved = np.where(free, along, 0.0).sum(axis=1)
     length = np.where(free, stretch, 0.0).sum(axis=1)

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.checks import Array
+from ..base.naming import span_names
 from ..drive.params import Params
 from ..drive.route import Route, route_at
 from ..drive.span import Span
-from ..outputs.accuracy_report import Run
 from ..outputs.arcs import Arcs, arcs_of
 from ..outputs.averages import integral, mean_over, time_weights
-from ..outputs.selection import lacking
+from ..outputs.sampled import Sampled
 from ..outputs.spans import mid_span
 from .rows import Spread
 from .touching import NEEDED, Touching, touching
@@ -53,13 +53,13 @@ STILL, STANDSTILL_SPEED = 0.1, 1e-3
 class Window:
     """The last part of a run, in samples."""
 
-    run: Run
+    run: Sampled
     rows: slice
     weights: Array  # of the trapezoidal rule over the times of these samples, of sum 1 (n_w,)
     notes: list[str] = attrs.field(factory=list)  # what could not be determined, and why
 
     @classmethod
-    def last(cls, run: Run, share: float) -> Window:
+    def last(cls, run: Sampled, share: float) -> Window:
         """Take the samples of this share of the run's time, counted from its end."""
         t = run.t
         if t.size < 2 or not t[-1] > t[0]:
@@ -90,8 +90,14 @@ class Window:
 
     def missing(self, names: Collection[str]) -> list[str]:
         """Return the outputs, of these, that the belt has but the run was not asked for."""
-        lacks = lacking(self.params)
-        return [name for name in names if not self.run._has(name) and name not in lacks]
+        run = self.run
+        return [name for name in names if not run._has(name) and name not in run._lacking]
+
+    def lacks(self, parts: str, *names: str) -> bool:
+        """Note that there are no such parts of a report if any of these outputs is missing."""
+        if missing := self.missing(names):
+            self.notes.append(f"{parts}: {', '.join(missing)} not asked for (outputs of simulate)")
+        return bool(missing)
 
     # --- Samples ----------------------------------------------------------------------------------
 
@@ -104,10 +110,7 @@ class Window:
         return mean_over(self.weights, samples)
 
     def spread(self, samples: Array, passing: float = 0.0) -> Spread | None:
-        """Return mean, least and largest of samples (n_w,); None if all are missing.
-
-        The ends are those of running means over ``passing`` [s], if it is > 0.
-        """
+        """Return mean of samples (n_w,), least and most of running means; None: all NaN."""
         smooth = self.smoothed(samples[:, None], passing)
         there = smooth[~np.isnan(smooth)]
         if there.size == 0:
@@ -194,10 +197,7 @@ class Window:
 
     @functools.cached_property
     def middles(self) -> Array | None:
-        """Tension in the middle of each span (n_w, n_p) [N]; None: outputs are missing.
-
-        NaN where the belt is not there, as in a span shorter than a link.
-        """
+        """Tension in the middle of each span (n_w, n_p) [N], NaN: no belt there; None: not kept."""
         run = self.run
         places = () if self.params._belt_facts["flows"] else ("belt.x", "belt.y", "belt.phi")
         if self.missing((*places, "joints.force")):
@@ -292,10 +292,9 @@ class Window:
             least = float(self.params.info["drag_speed"])  # what errors of speeds leave
             for name, samples, radius in zip(names, omega.T, radii, strict=True):
                 look(samples, f"speed of {name}", "rad/s", scale / radius, least / radius)
-        spans = self.spans
+        spans, between = self.spans, span_names(names)
         if spans is not None and spans.shape[1] > 1:
             scale = float(np.nanmean(np.abs(spans))) if not np.isnan(spans).all() else 0.0
             for k, samples in enumerate(spans.T):
-                name = f"tension from {names[k]} to {names[(k + 1) % len(names)]}"
-                look(samples, name, "N", scale, 0.0)
+                look(samples, f"tension from {between[k]}", "N", scale, 0.0)
         return [text for _, text in sorted(found, key=lambda one: -one[0])]

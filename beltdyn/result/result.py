@@ -19,25 +19,12 @@ from ..base.rounding import rounded
 from ..base.run_warnings import RunWarning
 from ..drive.params import Params
 from ..drive.sanity import bodies
-from ..outputs.accuracy_report import Accuracy, Running, known, running
 from ..outputs.arcs import Arcs, arcs_of
 from ..outputs.averages import LAST, mean_over, time_weights
-from ..outputs.histories import (
-    GROUPS,
-    BeltHistory,
-    ContactHistory,
-    CouplingHistory,
-    EnergyLedger,
-    JointHistory,
-    MountHistory,
-    PulleyHistory,
-    SpanHistory,
-    Stats,
-    histories,
-)
+from ..outputs.histories import GROUPS, BeltHistory, histories
 from ..outputs.places import AlongBelt, along, along_cells, flow_of, momentum_flux, routes
-from ..outputs.selection import has, lacking
-from ..outputs.spans import has_angles, span_tension
+from ..outputs.sampled import Sampled, running
+from ..outputs.spans import has_angles
 from ..outputs.state import State
 from . import exported, labelled, saved
 
@@ -48,7 +35,7 @@ __all__ = ["Result"]
 
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
-class Result:
+class Result(Sampled):
     """A run, finished or not.
 
     Time is the first axis of every array, of n_t samples; n_b links, joints, and n_p pulleys::
@@ -103,39 +90,12 @@ class Result:
         accuracy: Its accuracy by quantity, most of it with ``verify=True`` only.
     """
 
-    t: Array
-    pulleys: PulleyHistory
-    belt: BeltHistory
-    joints: JointHistory
-    contact: ContactHistory
-    spans: SpanHistory
-    mounts: MountHistory | None
-    couplings: CouplingHistory | None
-    energy: EnergyLedger | None
-    stats: Stats
     effects: tuple[str, ...]
     success: bool
     status: str
     message: str
-    params: Params
     final_state: State
-    prescribed: tuple[str, ...] = ()
-    warnings: tuple[RunWarning, ...] = ()
-    outputs: tuple[str, ...] | None = None
     unchecked: tuple[str, ...] = ()
-    #: None of one read from a file, which has the accuracy that follows from it.
-    _running: Running | None = None
-    accuracy: Accuracy = attrs.field()
-    #: Of a run asked for these, and not for the forces of all joints.
-    _sampled_spans: Array | None = None
-
-    def __attrs_post_init__(self) -> None:
-        pulleys = {**self.pulleys.arrays(), "names": self.params.pulley_names}
-        object.__setattr__(self, "pulleys", PulleyHistory._holding(pulleys))
-
-    @accuracy.default
-    def _known(self) -> Accuracy:
-        return known(self)
 
     @classmethod
     def _from_core(
@@ -181,32 +141,6 @@ class Result:
         if "span_tension" in outputs:
             kept["sampled_spans"] = self.span_tension
         return attrs.evolve(self, **kept)
-
-    @cached_property
-    def span_tension(self) -> Array:
-        """Mean joint force of the free span that follows each pulley (n_t, n_p) [N].
-
-        Span k runs from pulley k on to the next pulley in the numbering of the links. Only joints
-        between two links that touch nothing count, of a span with a single such link the joint
-        before it. NaN where a span has none, and where no link touches one of its pulleys, as now
-        and then on a wrap of less than a link or two: take ``numpy.nanmean``; reports leave these
-        samples out and say how many they are. It is a mean over all of these joints, also where a
-        belt with bending stiffness runs off its pulleys:
-        there the force is up to EI / (2 r^2) less than in the middle of the span.
-        """
-        return self._span_tension(slice(None))
-
-    def _span_tension(self, rows: Any) -> Array:
-        """Return :attr:`span_tension` at some of the samples."""
-        if self._sampled_spans is not None:
-            return np.asarray(self._sampled_spans[rows])
-        if not self._has("span_tension"):
-            raise AttributeError(
-                "span_tension was not asked for: run simulate with outputs=(..., 'span_tension'), "
-                "or without outputs for all of them"
-            )
-        touched, force = self.contact.pulley[rows], self.joints.force[rows]
-        return span_tension(touched, force, len(self.params.pulleys))
 
     def hub_load(self, *, centrifugal: bool = True) -> Array:
         """Return the force of the belt on each pulley in x and y (n_t, n_p, 2) [N].
@@ -303,14 +237,6 @@ class Result:
     def _travel(self) -> Array | None:
         return None if self.mounts is None else self.mounts.travel
 
-    def _has(self, name: str) -> bool:
-        """Return whether an output is there."""
-        return has(self.outputs, name) and name not in self._lacking
-
-    @cached_property
-    def _lacking(self) -> frozenset[str]:
-        return lacking(self.params)
-
     @cached_property
     def slip(self) -> Array:
         """Speed lost against pulley 0, 1 - omega_k r_k / (omega_0 r_0) (n_t, n_p) [1].
@@ -326,22 +252,6 @@ class Result:
         if rims is None:  # says which of them was not asked for
             _ = self.pulleys.omega, self.couplings and self.couplings.rim_speed
         return self._slip(np.asarray(rims))
-
-    def _rims(self) -> Array | None:
-        """Angular velocities of the rims under the belt (n_t, n_p) [rad/s]; None: not kept."""
-        if not self._has("pulleys.omega"):
-            return None
-        on_rim = [
-            (c, k) for c, k in enumerate(self.params.coupled) if self.params.pulleys[k].has_rim
-        ]
-        if not on_rim or self.couplings is None:
-            return self.pulleys.omega
-        if not self._has("couplings.rim_speed"):
-            return None
-        rims = np.array(self.pulleys.omega)
-        for c, k in on_rim:
-            rims[:, k] = self.couplings.rim_speed[:, c]
-        return rims
 
     def _slip(self, omega: Array) -> Array:
         radii = self.params._radii

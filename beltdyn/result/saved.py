@@ -20,7 +20,7 @@ from ..outputs.accuracy_report import WORDS, Accuracy, QuantityError
 from ..outputs.histories import GROUPS, Stats, absent_groups, shape_of
 from ..outputs.quantity import LEDGER, QUANTITIES, SPANS
 from ..outputs.selection import chosen, lacking
-from ..outputs.state import PARTS, ROWS, State, saved_shape
+from ..outputs.state import PARTS, State, from_file
 from .exported import RESULTS
 
 __all__ = ["read", "write"]
@@ -280,10 +280,8 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     for name, size in _FINAL.items():
         if size in PARTS and sizes[size] == 0 and name not in values:
             continue  # files of earlier versions
-        shape = saved_shape(size, values[name]) if size in ROWS else (sizes[size],)
-        final[name.removeprefix("final_state.")] = npz.number_array(
-            name, values[name], np.float64, shape
-        )
+        field = name.removeprefix("final_state.")
+        final[field] = from_file(name, size, values[name], sizes.get(size))
     groups: dict[str, Any] = dict.fromkeys(GROUPS)
     for name, found in arrays.items():
         whole = name == LEDGER and (kept is None or LEDGER in kept)

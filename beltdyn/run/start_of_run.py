@@ -21,7 +21,7 @@ from ..loads.motions import MotionLike
 from ..loads.torques import TorqueLike, Viscous
 from ..outputs.accuracy_report import WORDS, Expected
 from ..outputs.selection import chosen
-from ..outputs.state import SIZES, State, saved_shape
+from ..outputs.state import SIZES, State, from_file
 
 __all__ = ["Start", "pack", "span", "unpack"]
 
@@ -201,10 +201,7 @@ def _expected(values: list[Any] | None) -> Expected | None:
 
 def _initial(arrays: Mapping[str, NDArray[Any]], meta: Mapping[str, Any], params: Params) -> State:
     fields = {
-        name: npz.number_array(
-            saved, arrays[saved], np.float64, saved_shape(SIZES[name], arrays[saved])
-        )
-        for saved, name in _INITIAL.items()
+        name: from_file(saved, SIZES[name], arrays[saved]) for saved, name in _INITIAL.items()
     }
     state = State(**fields, t=meta["t"], residual=meta["residual"])
     state.check_fits(params)

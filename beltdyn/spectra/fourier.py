@@ -10,7 +10,7 @@ from ..base.optional import scipy_module
 __all__ = ["amplitude_spectrum", "even_step", "spectrogram"]
 
 #: Fewer samples have no spectrum worth the name.
-_FEWEST = 16
+FEWEST = 16
 #: Spectra are computed at this many times the points that the samples have, so that the peak of a
 #: line between two of them is missed by at most 0.3 % with the window of Hann (15 % without).
 _PADDED = 8
@@ -22,9 +22,9 @@ def even_step(t: Array) -> float:
     Raises:
         ValueError: It is not, or there are fewer than 16 samples.
     """
-    if t.size < _FEWEST:
+    if t.size < FEWEST:
         raise ValueError(
-            f"a spectrum needs at least {_FEWEST} samples, got {t.size}: give simulate a t_eval "
+            f"a spectrum needs at least {FEWEST} samples, got {t.size}: give simulate a t_eval "
             "with more, or a larger last"
         )
     steps = np.diff(t)
@@ -94,9 +94,9 @@ def spectrogram(t: Array, values: Array, length: float) -> tuple[Array, Array, A
     if not np.isfinite(values).all():
         raise ValueError("a spectrum needs finite values, some are NaN or infinite")
     count = round(real("window", length, "s") / step)
-    if not _FEWEST <= count <= t.size:
+    if not FEWEST <= count <= t.size:
         raise ValueError(
-            f"window must be from {_FEWEST} samples to all of them, {_FEWEST * step:.3g} to "
+            f"window must be from {FEWEST} samples to all of them, {FEWEST * step:.3g} to "
             f"{t.size * step:.3g} s, got {length:.3g} s"
         )
     signal_ = scipy_module("signal", "spectra")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import attrs
 import numpy as np
 
 from ..base.checks import Array, close_to, shown
-from ..base.naming import index_of, span_name
+from ..base.naming import index_of, span_names
 from ..drive.mounts import KINDS
 from ..outputs.quantity import QUANTITIES
 from ..outputs.selection import array_names
@@ -17,6 +16,14 @@ from ..result.labelled import mount_kinds, places
 from ..result.result import Result
 
 __all__ = ["Signal", "signal"]
+
+#: Outputs that are no signals over time; what labels call some.
+_NONE = ("energy", "contact.pulley")
+_WORDS = {
+    "span_tension": "tension",
+    "pulleys.load": "hub load",
+    "spans.deflection": "deflection in the middle",
+}
 
 
 @attrs.frozen(eq=False)
@@ -43,15 +50,13 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
         AttributeError: The run was not asked for this output.
     """
     group, _, name = output.partition(".") if isinstance(output, str) else ("", "", "")
-    known = [one for names in array_names().values() for one in names]
-    if output not in known or output in ("energy", "contact.pulley"):
-        listed = ", ".join(one for one in known if one not in ("energy", "contact.pulley"))
+    known = [one for names in array_names().values() for one in names if one not in _NONE]
+    if output not in known:
         raise ValueError(
-            f"output must be one of {listed}, got {output!r}; which span or pulley of it is said "
-            "by span=, pulley= and the like"
+            f"output must be one of {', '.join(known)}, got {output!r}; which span or pulley of it "
+            "is said by span=, pulley= and the like"
         )
     row = QUANTITIES[output]
-    size, unit = row.size, row.unit
     dimension = next(iter(row.dimensions), "belt")
     by = "pulley" if dimension == "coupling" else dimension
     given = {key: value for key, value in where.items() if value is not None}
@@ -64,12 +69,12 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
     names = _columns(result, dimension)
     if values.ndim == 1:  # of the belt as a whole
         values = values[:, None]
-    elif size == "MODES":  # in the middle of the span
+    elif row.size == "MODES":  # in the middle of the span
         values = values @ np.sin(0.5 * np.pi * np.arange(1, 1 + values.shape[-1]))
     elif values.ndim == 3:  # forces in x and y
         values = np.linalg.norm(values, axis=-1)
     if by in given:
-        column = _column(result, by, given[by], names, result.params._having.get(size))
+        column = _column(result, by, given[by], names, result.params._having.get(row.size))
     else:
         change = values - values.mean(axis=0)
         rms = np.sqrt(np.mean(change**2, axis=0))
@@ -82,14 +87,10 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
             f"{output} of {names[column]} is NaN at {int(np.isnan(chosen).sum())} of "
             f"{chosen.size} samples: it has no spectrum; {by}= selects another"
         )
-    words = {
-        "span_tension": "tension",
-        "pulleys.load": "hub load",
-        "spans.deflection": "deflection in the middle",
-    }.get(output, output)
+    unit = row.unit
     if " or " in unit:
         unit = KINDS[mount_kinds(result.params)[column]].unit(unit)
-    return Signal(f"{words} of {names[column]}", unit, chosen)
+    return Signal(f"{_WORDS.get(output, output)} of {names[column]}", unit, chosen)
 
 
 def _columns(result: Result, dimension: str) -> list[str]:
@@ -97,8 +98,7 @@ def _columns(result: Result, dimension: str) -> list[str]:
     if dimension == "belt":
         return ["the belt"]
     if dimension == "span":
-        pulleys, n = result.params.pulley_names, len(result.params.pulley_names)
-        return ["span " + span_name(k, pulleys, unnamed=f"{k} to {(k + 1) % n}") for k in range(n)]
+        return [f"span {name}" for name in span_names(result.params.pulley_names, "{} to {}")]
     found = places(result.params)[dimension]
     return [f"{dimension} {k}" if isinstance(k, int) else k for k in found]
 
@@ -107,29 +107,18 @@ def _column(
     result: Result, by: str, value: object, names: list[str], having: tuple[int, ...] | None
 ) -> int:
     """Return the column named by span=, pulley= ...; that of a part by its pulley."""
-    pulleys = result.params.pulley_names
-    if by == "mount":
-        index = index_of(by, value, pulleys) if isinstance(value, str) else None
-        if index is not None:
-            return _part(by, index, having, pulleys)
-    elif by == "span" and isinstance(value, str) and not value.isdecimal():
-        spans = [name.removeprefix("span ") for name in names]
-        asked = value.removeprefix("span ")
-        if asked in spans:
-            return spans.index(asked)
-        if value not in pulleys:
+    pulleys, named = result.params.pulley_names, isinstance(value, str)
+    if by == "span" and isinstance(value, str) and not value.isdecimal() and value not in pulleys:
+        asked, *spans = (name.removeprefix("span ") for name in (value, *names))
+        if asked not in spans:
             raise ValueError(
                 f"span: no span is called {shown(value)}{close_to(asked, spans)}; there are "
                 f"{', '.join(spans)}, also by the pulley before each"
             )
-        return pulleys.index(value)
-    elif by in ("span", "pulley"):
-        return _part(by, index_of(by, value, pulleys), having, pulleys)
-    return index_of(by, value, names)
-
-
-def _part(by: str, pulley: int, having: tuple[int, ...] | None, pulleys: Sequence[str]) -> int:
-    """Return the column of a pulley, of those that have a part."""
+        return spans.index(asked)
+    if by not in ("span", "pulley") and not (by == "mount" and named):
+        return index_of(by, value, names)
+    pulley = index_of(by, value, pulleys)
     if having is None:
         return pulley
     if pulley not in having:

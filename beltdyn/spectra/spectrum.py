@@ -14,19 +14,13 @@ from ..base.optional import scipy_module
 from ..base.rounding import percent
 from ..outputs.orders import HARMONICS, NEAR, Source, belt_turning, folded, lines_at, sources
 from ..result.result import Result
-from .fourier import amplitude_spectrum, even_step, spectrogram
+from .fourier import FEWEST, amplitude_spectrum, even_step, spectrogram
 from .signals import signal
 
 __all__ = ["Line", "Spectrogram", "Spectrum", "spectrum", "speed_spectra"]
 
-#: Least samples in a slice.
-_FEWEST = 16
 #: Least height of a peak that is listed, as a share of the largest.
 _FAINT = 0.02
-
-
-def _of_links(names: tuple[str, ...]) -> bool:
-    return bool(names) and all(name.startswith("link passing") for name in names)
 
 
 @attrs.frozen(kw_only=True)
@@ -52,7 +46,8 @@ class Line:
     @property
     def from_mesh(self) -> bool:
         """Whether the passing of links, and nothing else, has a harmonic there."""
-        return _of_links(self.names)
+        of_links = [name.startswith("link passing") for name in self.names]
+        return bool(of_links) and all(of_links)
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -102,36 +97,29 @@ class Spectrum:
             if len(found) == count:
                 break
         faint = _FAINT * self.amplitude[found[0]] if found else 0.0
-        named = [
-            (k, at, self.names(at))
+        lines = [
+            Line(frequency=at, amplitude=float(self.amplitude[k]), names=self.names(at))
             for k in found
             if self.amplitude[k] >= faint
             for at in [self._top(k)]
         ]
-        known = [
-            (at, names[0])
-            for _, at, names in named
-            if names and not _of_links(names[:1]) and not names[0].startswith("may be ")
-        ]
+        mesh = ("link passing", "may be ")
+        known = [one for one in lines if one.names and not one.names[0].startswith(mesh)]
         return tuple(
-            Line(
-                frequency=at,
-                amplitude=float(self.amplitude[k]),
-                names=names or self._sidebands(at, known),
-            )
-            for k, at, names in named
+            one if one.names else attrs.evolve(one, names=self._sidebands(one.frequency, known))
+            for one in lines
         )
 
-    def _sidebands(self, frequency: float, others: list[tuple[float, str]]) -> tuple[str, ...]:
+    def _sidebands(self, frequency: float, known: list[Line]) -> tuple[str, ...]:
         """Name side bands of the link passing, as far from its harmonics as a known line."""
         return tuple(
-            f"{source.name} x{k} {'+' if sign > 0 else '-'} {name}"
+            f"{source.name} x{k} {'+' if sign > 0 else '-'} {line.names[0]}"
             for source in self.sources
             if source.kind == "link"
             for k in range(1, self.harmonics(source) + 1)
-            for one, name in others
+            for line in known
             for sign in (-1.0, 1.0)
-            for at in [k * source.frequency + sign * one]
+            for at in [k * source.frequency + sign * line.frequency]
             if abs(float(folded(at, 2.0 * self.limit)) - frequency)
             <= NEAR * self.resolution + abs(at) * source.known
         )[:1]
@@ -146,8 +134,6 @@ class Spectrum:
 
     def _top(self, k: int) -> float:
         """Return the frequency of a peak: of the parabola through three points."""
-        if not 0 < k < self.amplitude.size - 1:
-            return float(self.frequency[k])
         before, top, after = self.amplitude[k - 1 : k + 2]
         shift = 0.5 * (before - after) / (before - 2.0 * top + after)
         return float(self.frequency[k] + shift * (self.frequency[1] - self.frequency[0]))
@@ -312,7 +298,7 @@ def speed_spectra(
     if window is None:
         rate = 4.0 * float(np.ptp(speed)) / (2.0 * np.pi) / span  # of the fourth order [Hz/s]
         length = math.sqrt(1.5 / rate) if rate > 0.0 else span
-        length = max(min(length, span / 4.0), _FEWEST * step)
+        length = max(min(length, span / 4.0), FEWEST * step)
     else:
         length = positive("window", window, "s")
     t, frequency, amplitude = spectrogram(result.t, found.values, length)

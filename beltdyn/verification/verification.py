@@ -18,7 +18,8 @@ from ..drive.params import Params
 from ..drive.scene import Scene
 from ..many.outcome import Outcome, attempt
 from ..many.pools import Pool, as_pool
-from ..outputs.accuracy_report import SPACE_FLOOR, TIME_FLOOR, Accuracy, QuantityError, known
+from ..outputs.accuracy_report import SPACE_FLOOR, TIME_FLOOR, Accuracy, QuantityError
+from ..outputs.sampled import known
 from ..outputs.state import State
 from ..result.result import Result
 from .quantities import (
