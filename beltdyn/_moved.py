@@ -21,7 +21,7 @@ _KEPT_NAMES = {
     "run": "checkpoints memory observed resuming settling simulation start_of_run",
     "result": "errors exported labelled saved",
     "loads": "motions torques",
-    "scenes": "machines published",
+    "scenes": "machines",
     "many": "pools",
 }
 #: Modules by their old names; ``outputs``, ``result``, ``loads`` and ``scenes`` are rooms now.
@@ -52,6 +52,7 @@ MOVED = {
     "plot.modes": "plot.mode_shapes",
     "plot.places": "plot.belt_line",
     "plot.spectrum": "plot.spectrum_lines",
+    "published": "scenes.machines",
     "report.spans": "report.span_rows",
     "spectra.sources": "outputs.orders",
     "sweeping.content": "many.content",

@@ -7,7 +7,7 @@ adds those of loads, motions and options of a run.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import attrs
@@ -21,6 +21,7 @@ __all__ = [
     "Path",
     "PulleyName",
     "assign",
+    "changed",
     "fields",
     "numbers",
     "overlap",
@@ -177,3 +178,9 @@ def assign(node: Any, changes: Sequence[tuple[Path, Any]]) -> Any:
         if field in touched
     }
     return attrs.evolve(node, **new)
+
+
+def changed(params: Params, values: Mapping[str, Any]) -> Params:
+    """Return the drive with parameters changed by name, as ``{"belt.axial_damping": 0.0}``."""
+    drive: Params = assign(params, [(path_in(params, name), values[name]) for name in values])
+    return drive

@@ -13,23 +13,17 @@ from .machines import (
     conveyor,
     crossed_belt,
     flat_belt_axis,
-    serpentine,
-    tensioned_alternator,
-)
-from .named import (
-    describe,
     flywheel_start,
-    get,
     kubas_case_1,
     kubas_case_2,
-    names,
+    ntarladima_2023,
+    serpentine,
+    tensioned_alternator,
     three_pulleys,
     unequal_pulleys,
 )
-from .named import (
-    find as find,
-)
-from .published import ntarladima_2023
+from .named import describe, get, names
+from .named import find as find
 
 __all__ = [
     "Scene",

@@ -9,30 +9,24 @@ import attrs
 
 from ...drive.friction import Dahl
 from ...drive.mounts import Mount
-from ...drive.parameters import assign, path_in
+from ...drive.parameters import changed
 from ...drive.params import Params
 from ...drive.parts import Belt, Contact, Pulley
 from ...drive.scene import Scene
-from ...loads.loads import Load
+from ...loads.loads import Load, Ramp
 from ...loads.torques import PiecewiseLinear, TorqueLike
 
 __all__ = [
     "LOCKED",
     "NOTHING",
     "beside",
-    "changed",
     "pair",
     "pulled",
+    "pulling",
     "ramp",
     "scaled",
     "tensioned",
 ]
-
-
-def changed(params: Params, changes: Mapping[str, Any]) -> Params:
-    """Return the drive with parameters changed by name, as ``{"belt.axial_damping": 0.0}``."""
-    drive: Params = assign(params, [(path_in(params, name), changes[name]) for name in changes])
-    return drive
 
 
 def pair(changes: Mapping[str, Any] | None = None) -> Params:
@@ -51,13 +45,12 @@ def pair(changes: Mapping[str, Any] | None = None) -> Params:
         contact=Contact(linear=1.67e9, damping=1.3e4, compensate=True),
         friction=Dahl(mu_k=0.6, sigma=1e4),
     )
-    return params if changes is None else changed(params, changes)
+    return changed(params, changes or {})
 
 
 def ramp(torque: float = -6.0, load: float = 0.1, over: float = 0.01) -> TorqueLike:
     """Drive pulley 0 with a torque that rises [N m], brake pulley 1 in proportion [N m s]."""
-    rise = PiecewiseLinear([0.0, over], [0.0, torque], 0)
-    return rise + Load(1, viscous=load)
+    return Ramp(0, 0.0, over, torque) + Load(1, viscous=load)
 
 
 #: No torque.
@@ -68,8 +61,13 @@ LOCKED = PiecewiseLinear([0.0], [0.0])
 
 def pulled(torque: float, changes: Mapping[str, Any] | None = None, t_end: float = 0.05) -> Scene:
     """Pull with a torque on pulley 0 [N m] that rises within 10 ms; pulley 1 is locked."""
-    rise = PiecewiseLinear([0.0, 0.01], [0.0, torque], 0)
-    return Scene(pair(changes), rise, t_end, {1: LOCKED})
+    return Scene(pair(changes), Ramp(0, 0.0, 0.01, torque), t_end, {1: LOCKED})
+
+
+def pulling() -> Scene:
+    """Pull with 6 N m on pulley 0 against 3 N m on pulley 1."""
+    torque = PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-6.0, 3.0]])
+    return Scene(pair(), torque, 0.02)
 
 
 def beside(depth: float, x: float = 0.125) -> Params:
@@ -79,9 +77,9 @@ def beside(depth: float, x: float = 0.125) -> Params:
     return attrs.evolve(params, pulleys=(params.pulleys[0], idler, params.pulleys[1]))
 
 
-def tensioned(mount: Mount, changes: Mapping[str, Any] | None = None) -> Params:
+def tensioned(mount: Mount) -> Params:
     """Two pulleys, and on the back of the belt between them a third on a mount."""
-    params = Params(
+    return Params(
         belt=Belt(n_bodies=60, linear_density=0.1, axial_stiffness=60e3, axial_damping=2.0),
         pulleys=[
             Pulley(center=(0.0, 0.0), radius=0.06, inertia=4e-3),
@@ -90,7 +88,6 @@ def tensioned(mount: Mount, changes: Mapping[str, Any] | None = None) -> Params:
         ],
         friction=Dahl(mu_k=0.6, sigma=1e4),
     )
-    return params if changes is None else changed(params, changes)
 
 
 def scaled(scene: Scene, size: float) -> Scene:

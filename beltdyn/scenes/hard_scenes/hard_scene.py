@@ -24,7 +24,7 @@ class HardScene(Scene):
 
     Attributes:
         name: Its name; ``hard/NAME`` on the command line and for ``bd.scenes.find``.
-        family: What kind of thing is hard, the name of the module that has it.
+        family: What kind of thing is hard.
         provokes: What goes wrong in an integrator that is not made for it.
         holds: What must hold nevertheless: an invariant, a theory.
         options: Options of :func:`beltdyn.simulate` that belong to the scene, beside the method.

@@ -16,9 +16,8 @@ from ...drive.mounts import Arm
 from ...loads.torques import PiecewiseLinear
 from ...outputs.histories import EnergyLedger, MountHistory
 from ...result.result import Result
-from .drives import pair
+from .drives import pair, pulling
 from .hard_scene import HardScene
-from .numerics import pulling
 
 __all__ = [
     "as_in_metres",
