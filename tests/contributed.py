@@ -52,7 +52,7 @@ def test_its_class_and_parameters() -> None:
     cls = type(law())
     assert cls is bd.friction.LAWS["bouc_wen"] and Path(bd.__file__).is_relative_to(TREE.parent)
     assert issubclass(cls, bd.Friction) and cls.law == "bouc_wen"
-    assert "mu_k: kinetic friction coefficient [1], > 0." in (cls.__doc__ or "")
+    assert "mu_k: Kinetic friction coefficient [1], > 0." in (cls.__doc__ or "")
     assert law() == law() and hash(law()) == hash(law()) and law() != law(mu_k=0.7)
     assert repr(law()) == "BoucWen(mu_k=0.8, sigma=10000.0)"
     assert pickle.loads(pickle.dumps(drive())) == drive()

@@ -177,10 +177,9 @@ def _holds_masked(value: object, masked: Any, depth: int) -> bool:
 def real_array(
     name: str, value: Any, *, ndim: int, most: int = 0, shape: tuple[int, ...] | None = None
 ) -> Array:
-    """Check an array of finite real numbers; return an immutable C-contiguous float copy.
+    """Check an array of finite real numbers, of ``ndim`` dimensions or up to ``most``.
 
-    It has ``ndim`` dimensions, or up to ``most``. Its memory is that of a ``bytes`` object, so it
-    cannot even be made writeable again.
+    Return a float copy in the memory of a ``bytes`` object, which cannot be made writeable again.
     """
     refuse_masked(name, value)
     try:

@@ -18,7 +18,7 @@ import attrs
 
 from .checks import unknown_field
 
-__all__ = ["describe", "describe_all", "listed", "quantity", "unit_of", "with_units"]
+__all__ = ["describe", "describe_all", "listed", "quantity", "ruled", "unit_of", "with_units"]
 
 _Class = TypeVar("_Class", bound=type)
 
@@ -29,10 +29,7 @@ _FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
 
 
 def describe(cls: Any) -> None:
-    """Annotate the arguments of a class with types, and its fields with texts of its docstring.
-
-    Misspelt arguments are then answered with the names that there are.
-    """
+    """Annotate arguments with types, fields with texts; have errors list the fields."""
     if attrs.has(cls):
         fields = attrs.fields(cls)
         types = {one.alias: one.type for one in fields if one.init and one.type is not None}
@@ -103,13 +100,28 @@ def with_units(cls: _Class) -> _Class:
 
 def listed(cls: _Class, rows: Mapping[str, tuple[str, str]]) -> _Class:
     """Append a section "Attributes" to a docstring, from meaning and unit by name."""
-    lines = []
-    for name, (text, unit) in rows.items():
-        said = f"{name}: {text[:1].upper()}{text[1:]} [{unit}]."
-        lines += textwrap.wrap(said, 100, initial_indent=8 * " ", subsequent_indent=12 * " ")
-    if cls.__doc__ is not None:
-        cls.__doc__ = "\n".join([cls.__doc__.rstrip(), "", "    Attributes:", *lines, "    "])
+    _append(cls, "Attributes", {name: f"{text} [{unit}]." for name, (text, unit) in rows.items()})
     return cls
+
+
+def ruled(cls: type, texts: Mapping[str, str]) -> None:
+    """Append sections "Attributes", from a text by name, and "Raises" to a docstring without."""
+    for name, rows in (
+        ("Attributes", texts),
+        ("Raises", {"TypeError, ValueError": "A field breaks its rule."}),
+    ):
+        if f"\n    {name}:\n" not in (cls.__doc__ or ""):
+            _append(cls, name, rows)
+
+
+def _append(cls: type, section: str, texts: Mapping[str, str]) -> None:
+    if cls.__doc__ is None:  # Python drops them
+        return
+    lines = []
+    for name, text in texts.items():
+        said = f"{name}: {text[:1].upper()}{text[1:]}"
+        lines += textwrap.wrap(said, 100, initial_indent=8 * " ", subsequent_indent=12 * " ")
+    cls.__doc__ = "\n".join([cls.__doc__.rstrip(), "", f"    {section}:", *lines, "    "])
 
 
 def _give_texts(cls: Any, names: list[str]) -> None:

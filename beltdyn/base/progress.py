@@ -49,11 +49,7 @@ def over_time(
 
 @contextmanager
 def counted(enabled: bool, label: str) -> Iterator[Callable[[int, int | None, str], None]]:
-    """Show runs done of all, the time left, and which is next.
-
-    Yields a function of the number done, the number of all, None if it is not known, and a text;
-    safe in several threads.
-    """
+    """Show runs done of all, and the next; yield a function of these numbers and a text."""
     console = _terminal(enabled)
     if console is None:
         yield lambda _done, _all, _text: None

@@ -124,10 +124,7 @@ _SILENT: ContextVar[bool] = ContextVar("silent", default=False)
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Let runs in this thread issue no warnings; their results still hold them.
-
-    Unlike ``warnings.catch_warnings`` it leaves other threads alone.
-    """
+    """Let runs in this thread alone issue no warnings; their results still hold them."""
     token = _SILENT.set(True)
     try:
         yield

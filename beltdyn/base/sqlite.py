@@ -30,13 +30,7 @@ _PATIENCE = 5.0
 
 @contextmanager
 def errors(path: str | os.PathLike[str], hint: str = "") -> Iterator[None]:
-    """Raise errors of SQLite as those of Python, of the system with a hint.
-
-    Raises:
-        BlockingIOError: Another process is writing to the file.
-        OSError: The system refuses, as when the disk is full.
-        ValueError: The file is damaged, or none of SQLite.
-    """
+    """Raise errors of SQLite as those of Python, of the system with a hint."""
     try:
         yield
     except sqlite3.Error as error:
@@ -52,11 +46,7 @@ def errors(path: str | os.PathLike[str], hint: str = "") -> Iterator[None]:
 
 @contextmanager
 def created(path: str | os.PathLike[str], tables: str) -> Iterator[sqlite3.Connection]:
-    """Yield a new file, which takes its place when it is complete; an error leaves none.
-
-    Raises:
-        OSError: It cannot be written.
-    """
+    """Yield a new file, which takes its place when it is complete; an error leaves none."""
     with (
         files.replacing(path) as temporary,
         errors(path),
@@ -73,16 +63,9 @@ def opened(
 ) -> sqlite3.Connection:
     """Open a file that :func:`created` has made with these tables; others may stand at its place.
 
-    Args:
-        path: Where it is.
-        tables: The statements that made its tables, and set its version.
-        write: Whether to write to it, which one connection may at a time, until it is closed.
-        constant: Whether nobody writes to it, so that it need not be locked.
-
-    Raises:
-        OSError: It cannot be opened, or is not a regular file.
-        BlockingIOError: Another process has it open to write.
-        ValueError: It is no such file, or damaged.
+    One connection at a time may ``write``, until it is closed; nobody writes to a ``constant`` one,
+    which need not be locked. Raises OSError, BlockingIOError while another process writes,
+    ValueError of another file or a damaged one.
     """
     place = Path(path)
     if not stat.S_ISREG(place.stat().st_mode):
@@ -148,9 +131,6 @@ def written(db: sqlite3.Connection, path: str | os.PathLike[str]) -> Iterator[No
     """Write what is done within, as a whole or, if anything raises, not at all.
 
     Between writes an empty transaction keeps the file from other writers, without a journal.
-
-    Raises:
-        OSError, ValueError: As of :func:`errors`.
     """
     try:
         with errors(path):

@@ -18,10 +18,7 @@ _STOPPER: ContextVar[Stopper | None] = ContextVar("stopper", default=None)
 
 
 class Stopper:
-    """Stops all runs of the threads within :meth:`watch`, present and later ones.
-
-    They end as with Ctrl-C, by :class:`beltdyn.Interrupted`.
-    """
+    """Stops all runs of the threads within :meth:`watch`, by :class:`beltdyn.Interrupted`."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -81,11 +81,7 @@ def tension_held(
 def _balances(
     pulleys: tuple[Pulley, ...], gravity: tuple[float, float], bending: float
 ) -> Iterator[tuple[int, Sprung, float, Callable[[float], float]]]:
-    """Yield each arm and slider with its pulley, its weights, and the factor of the belt tension.
-
-    Weights, hung and its own, are forces (torques) in the sense of the travel; what the belt pulls
-    with against that sense is the tension times what the last gives for it.
-    """
+    """Yield of each arm and slider its pulley, weights, and pull of the belt by its tension."""
     way = route(pulleys)
     radii = np.array([pulley.radius for pulley in pulleys])
     outward = np.stack([way.leave, way.arrive]) - np.array([pulley.center for pulley in pulleys])

@@ -82,10 +82,7 @@ def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
 
 
 def instead(params: D) -> D | None:
-    """Return the drive with an ALE belt in place of links; None: it has one, or cannot have it.
-
-    Nor has a belt on the paper's mesh, which is there for the paper's numbers.
-    """
+    """Return the drive with an ALE belt in place of links; None: it has one, or cannot have it."""
     if params._belt_facts["flows"] or params._belt_facts["tangents"]:
         return None
     try:
@@ -115,10 +112,7 @@ def cheaper(params: Drive, explicit: float, implicit: float, rtol: float, time: 
 
 
 def describe_cheaper(params: Drive) -> Iterator[str]:
-    """Describe from which speed on an ALE belt is ``CHEAPER``, if there is one.
-
-    Implicit steps follow the links that land, explicit ones the stability limit: the cheaper count.
-    """
+    """Describe from which speed on an ALE belt is ``CHEAPER``, if there is one."""
     steps = CHEAPER * _work(params, AT) / params.info["n_bodies"]
     more = max(0.0, steps / params._belt_facts["implicit_cost"] - STEPS)
     speed = more / (LANDING * landings(params, 1.0))
@@ -136,6 +130,11 @@ def _on_arcs(params: Drive) -> Array:
     return np.array([np.count_nonzero(cells == k) for k in range(len(params.pulleys))])
 
 
+def _modes(params: Drive) -> int:
+    """Return the number of sine modes of a span."""
+    return params._model.sizes["MODES"] // len(params.pulleys)
+
+
 def _arcs(params: Drive) -> Array:
     return np.asarray(params.route.wraps * params._radii)
 
@@ -146,11 +145,7 @@ def reach(params: Drive) -> float:
 
 
 def errors(params: Drive, pull: float) -> dict[str, float]:
-    """Estimate the errors of the mesh in "tension" and "span_mean", relative to the mean tension.
-
-    At rest there is none. Under load friction is linear within a cell, of second order. Where
-    belt with bending stiffness runs on and off cells are to be told from sqrt(EI/T).
-    """
+    """Estimate errors of the mesh in "tension" and "span_mean", relative to the mean tension."""
     cells, off = _on_arcs(params), reach(params)
     load = abs(pull) / float(params.info["strain_tension"])
     mean = CREEP * load / float(np.min(cells * np.pi / params.route.wraps)) ** 2
@@ -168,13 +163,9 @@ def finer(params: Drive, error: float, allowed: float) -> str:
 
 
 def trusted(params: Drive, speed: float) -> float:
-    """Return the angular frequency above which lateral modes of spans are wrong.
-
-    Of the longest span as a string, at a speed of the belt [m/s]: of the first mode that it has not
-    or, as running couples each to its neighbours, has amiss.
-    """
+    """Return the angular frequency above which lateral modes are wrong, at a belt speed [m/s]."""
     wave = params._wave_speed
-    modes = params._model.sizes["MODES"] // len(params.pulleys)
+    modes = _modes(params)
     share = min(abs(speed) / wave, 1.0)
     slower = 1.0 - share**2
     amiss = np.flatnonzero(abs(modes_off(share, modes)) > AMISS) if slower > 0.0 else np.zeros(1)
@@ -199,7 +190,7 @@ def modes_off(share: float, modes: int) -> Array:
 def describe(params: Drive) -> str:
     """Describe the error of the mesh in one line, with its numbers of cells and modes."""
     cells, arcs = _on_arcs(params), _arcs(params)
-    modes = params._model.sizes["MODES"] // len(params.pulleys)
+    modes = _modes(params)
     most = errors(params, 2.0 * float(params.info["strain_tension"]))
     return (
         f"{params.info['n_bodies']} cells that stand still, {cells.min()} to {cells.max()} on a "
@@ -256,7 +247,7 @@ def seen(
             )
         share = np.sqrt(np.clip(thrown / np.maximum(tension, 1e-300), 0.0, 1.0))
         t, k = np.unravel_index(int(np.argmax(share)), share.shape)
-        modes = params._model.sizes["MODES"] // len(params.pulleys)
+        modes = _modes(params)
         off = abs(modes_off(min(float(share[t, k]), 0.99), modes))
         if off[:LOWEST].max() > FAST:
             yield (

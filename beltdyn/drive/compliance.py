@@ -1,25 +1,10 @@
 """Depth to which the belt sinks into its pulleys; its effect on tension, radii and creep.
 
-A belt under the tension T presses on a pulley of radius R with T/R per length, less what carries
-it round the curve, and the contact yields by p (MODEL section 3):
-
-    c1' p^2 + c2' p = (T lambda - rho A v^2) / R,    lambda = 1 + T / EA,
-
-lambda because the contact's data are per metre of the stress-free belt. So the belt runs on a
-circle of R - p, deeper where it is tight. Its path is shorter by the sum of wrap_k p_k, which takes
-EA / L times that off the tension between fixed axes; and because a belt sticks to a pulley where it
-arrives, a difference of p / R between two pulleys adds to the creep between them. A compensated
-contact begins outside of R by the p of the preload, so that only the differences from that remain.
-
-All this is of first order in p / R. Left out are the ends of a wrap (MODEL section 6, "Tension at
-rest", has them): the belt sinks in over a length of sqrt(T / c2') = R sqrt(p / R), in which
-friction acts further out, so that ratios change by less than is said here, by a fifth at p / R =
-0.5 %. Under load a belt whose bristles give does not stick where it arrives but uses the whole
-wrap: creep then grows by less, and what is said of it here is a bound.
-
-The ratio of p / R to the strain T / EA is EA / (c2' R^2), the same at any tension: with 0.01 the
-belt gives 100 times less in the contact than along itself, and tension and creep are right to 1 %.
-That is the stiffness chosen for a drive that states none.
+MODEL section 3, "Where the belt runs". All is of first order in p / R. Left out are the ends of a
+wrap (section 6, "Tension at rest"), in which friction acts further out, so that ratios change by
+less than is said here, by a fifth at p / R = 0.5 %. Under load a belt whose bristles give does not
+stick where it arrives but uses the whole wrap: creep then grows by less, and what is said of it
+here is a bound.
 """
 
 from __future__ import annotations
@@ -132,13 +117,7 @@ class Compliance:
 
 
 def complete(contact: Contact, belt: Belt, pulleys: tuple[Pulley, ...]) -> Contact:
-    """Return a contact in which missing numbers are chosen for a drive.
-
-    ``linear`` is 100 EA / R^2 of the smallest pulley, so that the contact gives by a hundredth of
-    what the belt stretches: creep and tension are right to 1 % (the stiffness of a belt is known to
-    2 % at best), and the belt sinks in by less than 0.1 % of a radius up to strains of 10 %.
-    ``damping`` is half of critical, sqrt(c2' rho A). Neither depends on the mesh.
-    """
+    """Return a contact in which missing numbers are chosen, as :class:`beltdyn.Contact` says."""
     if contact.linear is not None and contact.damping is not None:
         return contact
     smallest = min(pulley.radius for pulley in pulleys)

@@ -14,7 +14,7 @@ from typing import Any, TypeAlias
 
 import attrs
 
-from .rules import Printable, from_table, rules_of
+from .rules import Printable, from_table, numbers_of
 
 __all__ = ["Coupling", "Isolator", "OverrunningClutch", "TorsionalDamper", "coupling_or_none"]
 
@@ -26,30 +26,18 @@ class _Joined(Printable):
     _group = ""
     _part = "rim"
 
-    def _to_core(self) -> tuple[str, tuple[float, ...]]:
-        values = (getattr(self, name) for name in rules_of(self._group))
-        return self._group, tuple(
-            int(v) if isinstance(v, bool) else float(v or 0.0) for v in values
-        )
+    def _to_core(self) -> tuple[str, tuple[Any, ...]]:
+        return self._group, numbers_of(self._group, self)
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("isolator"))
 class Isolator(_Joined):
     """A spring and damper between hub and rim, acting both ways: torsional isolator, soft coupling.
 
-    Where the belt runs on the ring of a torsional vibration damper, carried by rubber, the pulley's
-    inertia is that of the ring and ``inertia`` that of hub and shaft; the crank's motion or torque
-    acts on the hub. Where the ring hangs free and the belt runs on the hub, use
-    :class:`TorsionalDamper`.
-
-    Attributes:
-        inertia: Inertia of the hub with shaft and rotor [kg m^2], > 0; the pulley's own is then
-            that of the rim.
-        stiffness: Stiffness of the spring between hub and rim [N m/rad], > 0.
-        damping: Damping between them [N m s/rad], >= 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
+    The pulley's own inertia is then that of the rim. Where the belt runs on the ring of a torsional
+    vibration damper, carried by rubber, the pulley's inertia is that of the ring and ``inertia``
+    that of hub and shaft; the crank's motion or torque acts on the hub. Where the ring hangs free
+    and the belt runs on the hub, use :class:`TorsionalDamper`.
     """
 
     _group = "isolator"
@@ -79,9 +67,6 @@ class OverrunningClutch(_Joined):
         clockwise: Whether the rim drives the hub clockwise, as where the rim turns clockwise in
             service; by default it drives it counter-clockwise, the sense in which angles are
             positive. The wrong way round the rotor is not driven at all.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     _group = "clutch"
@@ -95,18 +80,10 @@ class OverrunningClutch(_Joined):
 class TorsionalDamper(_Joined):
     """A free ring on a pulley, held by a spring and a damper: a torsional vibration damper.
 
-    Without a spring it is a viscous (Houdaille) damper. Belt and torques act on the pulley. On a
-    pulley whose motion is prescribed it only changes the torque that this motion needs: drive the
-    crank by a torque, or put the damper on another pulley. ``result.couplings`` has the ring as
-    rim.
-
-    Attributes:
-        inertia: Inertia of the ring [kg m^2], > 0; the pulley's own is that of the rest.
-        stiffness: Stiffness of the spring between pulley and ring [N m/rad], >= 0.
-        damping: Damping between them [N m s/rad], >= 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
+    Without a spring it is a viscous (Houdaille) damper. Belt and torques act on the pulley, whose
+    own inertia is that of all but the ring. On a pulley whose motion is prescribed it only changes
+    the torque that this motion needs: drive the crank by a torque, or put the damper on another
+    pulley. ``result.couplings`` has the ring as rim.
     """
 
     _group = "damper"

@@ -51,7 +51,7 @@ from numpy.typing import ArrayLike
 
 from .. import _core
 from ..base.checks import Array, positive, real, real_array
-from .rules import Printable, from_table, rules_of
+from .rules import Printable, from_table, numbers_of, rules_of
 
 TINY = float(np.finfo(float).tiny)
 
@@ -195,7 +195,7 @@ class Friction(Printable):
         return [("kind", self.law, ""), *rows, *creep]
 
     def _to_core(self) -> _core.FrictionLaw:
-        return self.law, tuple(getattr(self, name) for name in rules_of(self.law))
+        return self.law, numbers_of(self.law, self)
 
 
 @attrs.frozen(kw_only=True)
@@ -220,17 +220,6 @@ class Dahl(Friction):
     The state of a link in contact is its friction coefficient mu. Its rate at the slip velocity v
     is ``sigma (v - |v| mu / g)``, with g = mu_k or, with a Stribeck curve, ``g = mu_k + (mu_s -
     mu_k) exp(-(v / v_stribeck)^2)``.
-
-    Attributes:
-        mu_k: Kinetic friction coefficient [1], > 0.
-        sigma: Stiffness of the friction joint at rest [1/m], > 0.
-        mu_s: Static friction coefficient, that of slip velocity 0 [1], usually above the kinetic
-            one; 0: no Stribeck curve.
-        v_stribeck: Slip velocity over which friction goes from mu_s to mu_k [m/s],
-            > 0 if mu_s is.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     law = "dahl"
@@ -257,17 +246,6 @@ class LuGre(Friction):
 
     Source: C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, "A new model for control of
     systems with friction", IEEE Transactions on Automatic Control 40 (1995) 419-425.
-
-    Attributes:
-        mu_k: Kinetic friction coefficient [1], > 0.
-        mu_s: Static friction coefficient, that of slip velocity 0 [1], > 0; usually above mu_k.
-        v_stribeck: Slip velocity over which friction goes from mu_s to mu_k [m/s], > 0.
-        sigma: Stiffness of the bristles at rest [1/m], > 0.
-        damping: Damping of the bristles, over the normal force [s/m], >= 0.
-        viscous: Viscous friction, over the normal force [s/m], >= 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     law = "lugre"
@@ -288,18 +266,6 @@ class ElasticPlastic(Friction):
     then it slips under just that force. The state is the spring's stretch [m]. While the link
     slips, the spring adapts to the normal force within some ``damping / stiffness`` seconds; the
     damping must therefore be > 0. Without measurements, ``damping = 1e-5 s * stiffness`` is little.
-
-    Attributes:
-        mu: Friction coefficient [1], > 0.
-        stiffness: Stiffness of the spring, per metre of belt [N/m^2], > 0.
-        damping: Damping coefficient per metre of belt [N s/m^2], > 0.
-        mu_s: Static friction coefficient, that of slip velocity 0 [1], usually above the kinetic
-            one; 0: no Stribeck curve.
-        v_stribeck: Slip velocity over which friction goes from mu_s to mu [m/s],
-            > 0 if mu_s is.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     law = "elastic_plastic"
@@ -316,9 +282,10 @@ class MaxwellSlip(Friction):
     """Generalised Maxwell slip: elements of elastic/perfectly plastic friction side by side.
 
     Each element is an :class:`ElasticPlastic` law with a stretch of its own, and the friction is
-    the sum of theirs. Elements that slip one after the other give a hysteresis loop of straight
-    pieces with the memory of every reversal (Masing's rules), which fits measured loops as finely
-    as there are elements. One element is ElasticPlastic.
+    the sum of theirs: ``mu``, ``stiffness`` and ``damping`` have a number for each (n_elements,),
+    up to 64. Elements that slip one after the other give a hysteresis loop of straight pieces with
+    the memory of every reversal (Masing's rules), which fits measured loops as finely as there are
+    elements. One element is ElasticPlastic.
 
     On the first loading, at a slip s under the normal force N' per metre of belt, the friction
     coefficient is the sum of ``min(stiffness s / N', mu)`` over the elements; after a reversal the
@@ -331,18 +298,6 @@ class MaxwellSlip(Friction):
     response", Journal of Applied Mechanics 33 (1966) 893-900; F. Al-Bender, V. Lampaert, J.
     Swevers, "The generalized Maxwell-slip model: a novel model for friction simulation and
     compensation", IEEE Transactions on Automatic Control 50 (2005) 1883-1887.
-
-    Attributes:
-        mu: Friction coefficient of each element (n_elements,) [1], > 0; up to 64 elements.
-        stiffness: Stiffness of each spring, per metre of belt (n_elements,) [N/m^2], > 0.
-        damping: Damping coefficients per metre of belt (n_elements,) [N s/m^2], > 0.
-        mu_s: Static friction coefficient of all together, that of slip velocity 0 [1]; 0: no
-            Stribeck curve.
-        v_stribeck: Slip velocity over which friction goes from mu_s to sum(mu) [m/s],
-            > 0 if mu_s is.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     law = "maxwell_slip"
@@ -369,17 +324,6 @@ class Coulomb(Friction):
     its elastic creep, as far as the steps allow. Towards v_reg = 0 it becomes Coulomb's law. With a
     Stribeck curve mu depends on v, the slope may be largest elsewhere, and ``creep`` is the lowest
     of the velocities.
-
-    Attributes:
-        mu: Friction coefficient [1], > 0.
-        v_reg: Slip velocity at which friction is 1 / sqrt(2) of its full force [m/s], > 0.
-        mu_s: Static friction coefficient, that of slip velocity 0 [1], usually above the kinetic
-            one; 0: no Stribeck curve.
-        v_stribeck: Slip velocity over which friction goes from mu_s to mu [m/s],
-            > 0 if mu_s is.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     law = "coulomb"
@@ -421,13 +365,6 @@ class CreepRate(Friction):
 
     Source: M. J. Leamy, T. M. Wasfy, "Analysis of belt-drive mechanics using a creep-rate-dependent
     friction law", Journal of Applied Mechanics 69 (2002) 763-771.
-
-    Attributes:
-        mu: Friction coefficient from v_critical on [1], > 0.
-        v_critical: Slip velocity (creep rate) at which friction is fully developed [m/s], > 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     law = "creep_rate"
@@ -450,13 +387,6 @@ class Threlfall(Friction):
 
     Source: D. C. Threlfall, "The inclusion of Coulomb friction in mechanisms programs with
     particular reference to DRAM", Mechanism and Machine Theory 13 (1978) 475-483.
-
-    Attributes:
-        mu: Friction coefficient [1], > 0.
-        v_reg: Slip velocity at which friction is 0.95 of its full force [m/s], > 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     law = "threlfall"
@@ -483,18 +413,13 @@ def law_or_none(name: str) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
 
 def _made_from(name: str, class_name: str, text: str) -> type[Friction]:
     """Make the class of a law from its row and the rows of its parameters."""
-    rules = rules_of(name)
-    fields = "".join(
-        f"        {rule.name}: {rule.text} [{rule.unit}], {rule.wording}.\n"
-        for rule in rules.values()
-    )
     body: dict[str, Any] = {
         "law": name,
-        "__doc__": f"{text} friction.\n\n    Attributes:\n{fields}",
+        "__doc__": f"{text} friction.",
         "__module__": __name__,
         "__annotations__": {
-            name: "tuple[float, ...]" if rule.rule == "POSITIVES" else "float"
-            for name, rule in rules.items()
+            rule.name: "tuple[float, ...]" if rule.rule == "POSITIVES" else "float"
+            for rule in rules_of(name).values()
         },
     }
     cls = type(class_name, (Friction,), body)

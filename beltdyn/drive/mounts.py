@@ -16,7 +16,7 @@ import numpy as np
 
 from .. import _core
 from ..base.checks import Array, pair, real_array
-from .rules import Printable, Rule, from_table, rules_of
+from .rules import Printable, Rule, from_table, numbers_of, rules_of
 
 __all__ = [
     "KINDS",
@@ -187,10 +187,7 @@ class Sprung(Printable):
         return float(getattr(self, "weight", 0.0))
 
     def _directions(self, centers: Array) -> Array:
-        """Return the direction in which the axis at each center (n, 2) moves, a of MODEL section 5.
-
-        Of an angle its length, which is the lever of forces on the axis, is the arm's [m]; else 1.
-        """
+        """Return how axes at these places (n, 2) move with the travel, a of MODEL section 5."""
         return _core.mount_directions(self._row.name, getattr(self, self._row.guide), centers)
 
     def _direction(self, center: Array) -> Array:
@@ -199,11 +196,7 @@ class Sprung(Printable):
     def _to_core(self) -> tuple[Any, ...]:
         group = self._row.name
         low, high = self.stops or (0.0, 0.0)
-        own = {"preload": self.spring_force, "lowest": low, "highest": high}
-        numbers = tuple(
-            own[name] if name in own else float(getattr(self, name) or 0.0)
-            for name in rules_of(group)
-        )
+        numbers = numbers_of(group, self, preload=self.spring_force, lowest=low, highest=high)
         return group, getattr(self, self._row.guide), numbers
 
 
@@ -240,9 +233,6 @@ class Arm(Sprung):
             which the belt holds the arm.
         stop_damping: Damping of a stop [N m s/rad], >= 0; None or 0: half of critical for a
             stiffness that is chosen, else 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     _row: ClassVar[MountKind] = MountKind(
@@ -308,9 +298,6 @@ class Slider(Sprung):
             which the belt holds the carriage.
         stop_damping: Damping of a stop [N s/m], >= 0; None or 0: half of critical for a stiffness
             that is chosen, else 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     _row: ClassVar[MountKind] = MountKind(
@@ -395,14 +382,10 @@ class Path(Printable):
             raise ValueError("path.displacement must begin with (0, 0), the pulley's place (m)")
 
     def __eq__(self, other: object) -> bool:
-        return (
-            isinstance(other, Path)
-            and np.array_equal(self.t, other.t)
-            and np.array_equal(self.displacement, other.displacement)
-        )
+        return isinstance(other, Path) and self._to_core() == other._to_core()
 
     def __hash__(self) -> int:
-        return hash((self.t.tobytes(), self.displacement.tobytes()))
+        return hash(self._to_core())
 
     def _rows(self) -> list[tuple[str, str, str]]:
         span = f"{self.t[0]:.6g} to {self.t[-1]:.6g} s"

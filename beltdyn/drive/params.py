@@ -23,7 +23,7 @@ from .friction import Friction, Frictionless, law_or_none
 from .mounts import Path, Sprung
 from .parts import BELTS, SIDES, Belt, Contact, Pulley, as_pulleys
 from .route import Route, route, route_at
-from .rules import Printable, Rule, instance_of, rules_of
+from .rules import Printable, Rule, instance_of, numbers_of
 from .tensioning import Tensioning
 
 __all__ = ["FIELDS", "Params"]
@@ -74,30 +74,21 @@ class Params:
     _scene: preload.Scene = attrs.field(init=False, repr=False, eq=False)
 
     def __attrs_post_init__(self) -> None:
-        def numbers(group: str, source: object) -> Any:
-            values = (getattr(source, name) for name in rules_of(group))
-            return tuple(
-                int(value or 0) if isinstance(value, bool | None) else value for value in values
-            )
-
         def parts(pulleys: tuple[Pulley, ...], name: str) -> tuple[Any, ...]:
             found = [getattr(pulley, name) for pulley in pulleys]
             return tuple(None if part is None else part._to_core() for part in found)
 
-        _, *belt = numbers("belt", self.belt)
+        _, *belt = numbers_of("belt", self.belt)
         belt[0] = belt[0] or cells.chosen(self.pulleys, route(self.pulleys))
         scene = (
             tuple(belt),
             tuple(pulley.center for pulley in self.pulleys),
             tuple(pulley.radius for pulley in self.pulleys),
             tuple(pulley.inertia for pulley in self.pulleys),
-            numbers("contact", self.effective_contact),
+            numbers_of("contact", self.effective_contact),
             None if self.friction is None else self.friction._to_core(),
             self.gravity,
-            tuple(
-                None if pulley.drag is None else numbers("drag", pulley.drag)
-                for pulley in self.pulleys
-            ),
+            parts(self.pulleys, "drag"),
             parts(self.pulleys, "friction"),
             self.belt.mesh,
             tuple(pulley.side == "outside" for pulley in self.pulleys),

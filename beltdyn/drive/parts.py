@@ -19,7 +19,15 @@ from ..base.naming import as_name, names_of
 from .couplings import Coupling, TorsionalDamper, coupling_or_none
 from .friction import Friction, law_or_none
 from .mounts import Mount, mount_or_none
-from .rules import Printable, Rule, from_table, instance_of, rules_of, with_choice
+from .rules import (
+    Printable,
+    Rule,
+    from_table,
+    instance_of,
+    numbers_of,
+    rules_of,
+    with_choice,
+)
 
 __all__ = ["BELTS", "Belt", "Contact", "Drag", "Pulley", "as_pulleys"]
 
@@ -121,19 +129,14 @@ class Drag(Printable):
     a torque M below the Coulomb torque C is not locked but creeps, at omega_0 M / sqrt(C^2 - M^2),
     and no higher torque is needed to set it in motion. Drag does not act while a belt settles; it
     vanishes at rest.
-
-    Attributes:
-        coulomb: Part that does not depend on speed [N m], >= 0.
-        viscous: Part in proportion to speed [N m s], >= 0.
-        quadratic: Part in proportion to speed squared [N m s^2], >= 0.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     coulomb: float = 0.0
     viscous: float = 0.0
     quadratic: float = 0.0
+
+    def _to_core(self) -> tuple[float, ...]:
+        return numbers_of("drag", self)
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("pulley", _CENTER))
@@ -159,9 +162,6 @@ class Pulley(Printable):
         coupling: Coupling of its rim to its shaft, on which torques, drag and prescribed motions
             act: :class:`Isolator` or :class:`OverrunningClutch`; or a free ring on it,
             :class:`TorsionalDamper`; None: it is one rigid body.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     center: tuple[float, float]
@@ -243,9 +243,6 @@ class Contact(Printable):
             the tension of its strain round them; None: where the stiffness is chosen. Without it
             the belt runs on a circle that is smaller by the depth.
         hunt_crossley: d [s/m], >= 0: damping in proportion to the elastic force; 0: none.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     quadratic: float = 0.0

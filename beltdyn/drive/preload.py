@@ -1,11 +1,8 @@
 """The tension of a belt at rest, and the length of belt that has a given one.
 
-A belt of stress-free length L round a belt line of length l rests under the mean tension EA (l/L -
-1), but for what its mesh and the contact with the pulleys change (MODEL section 6). The core knows
-that in closed form, for fine links and a belt laid without friction. Coarse links stand on the
-pulleys as a polygon, and with friction the tension depends on how the belt was laid, so the tension
-that counts is that of a settled belt: it is settled here, a few times where the length is looked
-for.
+The core knows the tension in closed form (MODEL section 6), for fine links and a belt laid without
+friction. What counts is that of a settled belt, so it is settled here, a few times where the length
+is looked for.
 """
 
 from __future__ import annotations
@@ -20,7 +17,7 @@ from .. import _core
 from ..base.stopping import stoppable
 from .tensioning import Tensioning
 
-__all__ = ["Info", "Rest", "Scene", "find_length", "find_length_in_place", "rest_tension"]
+__all__ = ["Info", "Rest", "Scene", "find_length", "find_length_in_place", "rest_tension", "solve"]
 
 #: The arguments of :class:`beltdyn._core.Model` but for the belt's length.
 Scene: TypeAlias = "tuple[Any, ...]"
@@ -110,7 +107,7 @@ def first_length(scene: Scene, line: float, preload: float) -> Rest:
             f"belt.preload is too small: {preload:.6g} N, but {why[0]} alone tension the belt to "
             f"{least:.4g} N: {why[1]}"
         )
-    strain, found = _solve(
+    strain, found = solve(
         tension, preload, preload / stiffness, stiffness, (_SLACK, _MOST_STRAIN), 1e-12, 60
     )
     rest = Rest(line / (1.0 + strain), found)
@@ -133,7 +130,7 @@ def find_length(scene: Scene, line: float, preload: float, tensioning: Tensionin
 
     bounds = (_SLACK, _MOST_STRAIN)
     try:
-        strain, found = _solve(tension, preload, start, slope, bounds, CLOSE, MOST)
+        strain, found = solve(tension, preload, start, slope, bounds, CLOSE, MOST)
     except RuntimeError:
         if not settled:
             return first
@@ -150,11 +147,7 @@ def find_length(scene: Scene, line: float, preload: float, tensioning: Tensionin
 
 @functools.lru_cache(maxsize=256)
 def find_length_in_place(scene: Scene, line: float, held: float, tensioning: Tensioning) -> float:
-    """Find the length with which mounts settle in the places of the drive.
-
-    Of several mounts, whose balance may be elsewhere, so that the belt line has the length that it
-    has there.
-    """
+    """Find the length with which mounts settle in the places of the drive, several about there."""
     start = line / first_length(in_place(scene), line, held).length - 1.0
     radii, outside = scene[2], scene[10]
 
@@ -166,13 +159,13 @@ def find_length_in_place(scene: Scene, line: float, held: float, tensioning: Ten
 
     bounds = (0.5 * start, 1.5 * start)
     try:
-        strain, _ = _solve(shorter, line, start, line, bounds, IN_PLACE, MOST)
+        strain, _ = solve(shorter, line, start, line, bounds, IN_PLACE, MOST)
     except (RuntimeError, ValueError):
         strain = start
     return line / (1.0 + strain)
 
 
-def _solve(
+def solve(
     value: Callable[[float], float],
     target: float,
     start: float,

@@ -13,9 +13,18 @@ import attrs
 
 from .. import _core
 from ..base import checks
+from ..base.described import ruled
 from ..base.tables import columns
 
-__all__ = ["Printable", "Rule", "from_table", "instance_of", "rules_of", "with_choice"]
+__all__ = [
+    "Printable",
+    "Rule",
+    "from_table",
+    "instance_of",
+    "numbers_of",
+    "rules_of",
+    "with_choice",
+]
 
 #: By name: wording, lower bound, whether it is excluded, upper bound.
 _RULES = {row[0]: row[1:] for row in _core.RULES}
@@ -33,12 +42,7 @@ class Rule(NamedTuple):
     text: str
 
     def check(self, value: object) -> Any:
-        """Check a value and return it as plain numbers.
-
-        Raises:
-            TypeError: Wrong kind.
-            ValueError: Rule broken.
-        """
+        """Check a value and return it as plain numbers."""
         label = f"{self.group}.{self.name}".lstrip(".")
         if self.rule == "PAIR":
             return checks.pair(label, value, self.unit)
@@ -66,6 +70,11 @@ class Rule(NamedTuple):
         wording: str = _RULES[self.rule][0]
         return wording
 
+    @property
+    def described(self) -> str:
+        """Meaning, unit and bound."""
+        return f"{self.text} [{self.unit}], {self.wording}."
+
     def quantity(self, value: Any) -> str:
         """Write a value with its unit."""
         if value is None:
@@ -82,6 +91,12 @@ class Rule(NamedTuple):
 def rules_of(group: str) -> dict[str, Rule]:
     """Return the rules of a group of parameters, by name, in the order of the core's struct."""
     return {row[1]: Rule(*row) for row in _core.PARAMETERS if row[0] == group}
+
+
+def numbers_of(group: str, part: object, **others: float) -> tuple[Any, ...]:
+    """Return the numbers of a group in the core's order, 0 of what is left open."""
+    values = (others[name] if name in others else getattr(part, name) for name in rules_of(group))
+    return tuple(int(value or 0) if isinstance(value, bool | None) else value for value in values)
 
 
 def instance_of(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
@@ -110,9 +125,11 @@ def from_table(
 ) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
     """Attach its rule to every field of a class; others need a validator or a converter.
 
-    A field whose default is None may be left open.
+    A field whose default is None may be left open. Docstrings without a section "Attributes" get
+    one of the rules.
     """
-    rules = rules_of(group) | {rule.name: rule for rule in others}
+    of_core = rules_of(group)
+    rules = of_core | {rule.name: rule for rule in others}
 
     def with_rule(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
         rule = rules[field.name]
@@ -121,7 +138,8 @@ def from_table(
             check = attrs.converters.optional(check)
         return field.evolve(converter=check, metadata={"rule": rule})
 
-    def transform(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+    def transform(cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+        ruled(cls, {rule.name: rule.described for rule in of_core.values()})
         return [
             field if field.validator or field.converter else with_rule(field) for field in fields
         ]

@@ -19,6 +19,7 @@ from ..base.run_warnings import RunWarning
 from . import cells, compliance
 from .compliance import Drive
 from .friction import Friction
+from .preload import solve
 from .rules import rules_of
 
 __all__ = [
@@ -94,12 +95,7 @@ def check(params: Drive) -> tuple[RunWarning, ...]:
 
 
 def mesh_share(params: Drive) -> float:
-    """Return the tension that the mesh adds at rest, over the tension without it [1].
-
-    Links lie on the pulleys as tangents and are longer than their arcs by (tan a)/a - 1, a half the
-    angle of a link; this stretches the belt by ``info["mesh_strain"]``. The contact yields to both
-    strains alike, so their ratio is that of the tensions. It decreases as 1/n_bodies^2.
-    """
+    """Return the tension that straight links add at rest, over that without them [1]."""
     info = params.info
     return float(info["mesh_strain"] / info["strain"])
 
@@ -107,16 +103,7 @@ def mesh_share(params: Drive) -> float:
 def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[str, float]:
     """Estimate the errors of the mesh in "tension" and "span_mean", relative to the mean tension.
 
-    At rest both are, on the paper's mesh, :func:`mesh_share`; where friction keeps it on the
-    pulleys, as near full slip, spans have down to a third of it. On a mesh of joints they are what
-    remains although its joints lie where the polygon is as long as the belt line: of links partly
-    on a pulley, and of how the belt was laid. That was measured to be a small part, much the same
-    from drive to drive, of what straight links would add, l0^2 / (12 L) sum(wrap / R) over the
-    strain (MODEL section 6).
-
-    A belt that runs is shaken by its links as they land, :func:`shaken` or, of a run,
-    :func:`shaking_seen`, over time as much again; and the arcs that hand on a force end anywhere
-    in a link, up to l0 / 2 from its middle, which makes pull l0 / (2 L) in the spans. All of it is
+    At rest, and what shaking and the pull of a load add (MODEL section 6, "Error of the mesh"):
     right to a factor of three or so, often better on slow drives with much load
     (benchmarks/mesh_estimate.py).
     """
@@ -140,15 +127,7 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
 
 
 def shaken(params: Drive, speed: float) -> float:
-    """Estimate the relative rise of the mean tension due to links that land [1].
-
-    A link turns by l0 / R at once where it lands. On the way it points up to half of that off the
-    line of the span, evenly spread, so links move across it at v l0 / (sqrt(12) R), root mean
-    square. This is in the lateral waves of the span, whose mean square slope is that of these
-    speeds over T / (rho A), and half of it is the strain that they add. Bending spreads the turn
-    over more links. Damping takes off a part; waves that find their span in resonance, undamped,
-    add up to many times as much, which a run knows (:func:`shaking_seen`).
-    """
+    """Estimate the relative rise of the mean tension due to links that land [1] (section 6)."""
     belt, info = params.belt, params.info
     if params._belt_facts["flows"]:
         return 0.0
@@ -160,13 +139,7 @@ def shaken(params: Drive, speed: float) -> float:
 
 
 def shaking_seen(params: Drive, speed: float, across: float, time: float) -> float:
-    """Estimate from a run the relative rise of the mean tension due to links that land [1].
-
-    A belt that runs steadily moves along itself: where a link in a span has a velocity across its
-    own direction, a wave passes, whose slope is that velocity over sqrt(T / (rho A)) plus or minus
-    the belt's speed. Half of its mean square is strain. Of lateral vibration with other causes no
-    more is taken for the mesh's than the energy m (v l0 / R)^2 / 2 that each landing link brings.
-    """
+    """Estimate the same from a run, from velocities of links across their spans (section 6)."""
     belt, info = params.belt, params.info
     if params._belt_facts["flows"]:
         return 0.0
@@ -180,9 +153,8 @@ def shaking_seen(params: Drive, speed: float, across: float, time: float) -> flo
 def mesh_loss(params: Drive, contact: float, friction: float) -> float:
     """Estimate the part of the losses in contact and friction that is due to the mesh [W].
 
-    What dampers of the contact take is nearly all from links that land: each loses the energy
-    m (v l0 / R)^2 / 2 with which it turns. Friction is wrong by the share of a link in an arc; on
-    the paper's mesh by that of the tension as well, which straight links raise.
+    What dampers of the contact take is nearly all from links that land. Friction is wrong by the
+    share of a link in an arc; on the paper's mesh by that of the tension as well.
     """
     if params._belt_facts["flows"]:
         return abs(friction) * cells.errors(params, float(params.info["strain_tension"]))["tension"]
@@ -223,18 +195,15 @@ def describe_mesh(params: Drive) -> str:
 
 def _stiff_enough(params: Drive, allowed: Array) -> float:
     """Return the least contact.linear at which the belt sinks in no deeper than allowed [N/m^2]."""
-    radii, info = params._radii, params.info
-    pull = info["strain_tension"] * (1.0 + info["strain"])
-    low, high = 0.0, float(np.max(pull / (radii * allowed)))
-    for _ in range(20):  # to 1e-6
-        middle = 0.5 * (low + high)
-        contact = attrs.evolve(params.contact, linear=middle)
+
+    def share(linear: float) -> float:
+        contact = attrs.evolve(params.contact, linear=linear)
         stiffer: Drive = attrs.evolve(params, contact=contact)  # type: ignore[misc]
-        if np.all(compliance.compliance(stiffer).depth[:, 0] <= allowed):
-            high = middle
-        else:
-            low = middle
-    return high
+        return float(np.min(allowed / compliance.compliance(stiffer).depth[:, 0]))
+
+    pull = params.info["strain_tension"] * (1.0 + params.info["strain"])
+    most = float(np.max(pull / (params._radii * allowed)))
+    return solve(share, 1.0, most, 1.0 / most, (0.0, most), 1e-6, 20)[0]
 
 
 def of_mesh(

@@ -11,16 +11,8 @@ from numpy.typing import ArrayLike
 from ..base.checks import positive, shown, unknown_field
 from ..base.naming import ByPulley, as_pulley, label
 from ..base.run_options import Options
-from ..loads.motions import (
-    AngleTable,
-    CrankMotion,
-    Motion,
-    MotionLike,
-    as_motions,
-    described,
-    motion_terms,
-)
-from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, as_terms
+from ..loads.motions import MotionLike, as_motions, described, in_core, motion_terms
+from ..loads.torques import Torque, TorqueLike, TorqueSum, as_terms
 from . import toml
 from .params import FIELDS, Params
 
@@ -157,10 +149,7 @@ class Scene(NamedTuple):
 
 
 def first_speeds(scene: Scene, breakpoints: ArrayLike = ()) -> dict[int, float] | None:
-    """Return the speeds with which motions begin at the time 0; None if at rest.
-
-    They go on from there to the first breakpoint, or the end.
-    """
+    """Return the speeds with which motions begin at the time 0; None if at rest."""
     params = scene.params
     motions = as_motions(scene.motion, params.pulley_names)
     if not motions:
@@ -174,15 +163,13 @@ def first_speeds(scene: Scene, breakpoints: ArrayLike = ()) -> dict[int, float] 
 
 
 def _motion_table(pulley: int | str, motion: MotionLike) -> dict[str, Any]:
-    speed = motion.speed if isinstance(motion, Motion) else motion
-    if isinstance(motion, Motion) and isinstance(motion.angle, AngleTable):
-        speed = motion.angle
-    if not isinstance(speed, (PiecewiseLinear, CrankMotion, AngleTable)):
+    known = in_core(motion)
+    if known is None:
         raise TypeError(
             f"motion[{pulley!r}] must be a speed that is a PiecewiseLinear, a CrankMotion or an "
             f"AngleTable, to be written as TOML, got {motion!r}"
         )
-    return {"pulley": pulley, **toml.unstructure(speed)}
+    return {"pulley": pulley, **toml.unstructure(known)}
 
 
 def _motion_of(tables: object) -> dict[int | str, MotionLike] | None:

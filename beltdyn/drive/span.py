@@ -51,9 +51,6 @@ class Span:
         return self.tension - self.centrifugal
 
     def string_frequency(self, length: float) -> float:
-        """Return the first frequency of a moving string, (w^2 - v^2) / (2 l w) [Hz].
-
-        w is the speed of its waves; 0 from that speed on.
-        """
+        """Return the first frequency of a moving string, (w^2 - v^2) / (2 l w), or 0 [Hz]."""
         wave = float(np.sqrt(self.tension / (self.belt.linear_density / self.stretch)))
         return max(0.0, float((wave**2 - self.speed**2) / (2.0 * length * wave)))

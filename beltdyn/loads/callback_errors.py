@@ -33,11 +33,7 @@ def _hook(report: Any) -> None:
 
 
 class CallbackErrors:
-    """Context that keeps the first exception that a callback of this thread could not raise.
-
-    Attributes:
-        error: The exception, or None.
-    """
+    """Context that keeps the first exception that a callback of this thread could not raise."""
 
     def __init__(self, stop: Callable[[], None]) -> None:
         self._stop = stop

@@ -8,16 +8,15 @@ numbers, others are counter-clockwise positive (MODEL section 5).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import attrs
 import numpy as np
-from numpy.typing import ArrayLike
 
 from .. import _core
-from ..base.checks import Array, pair, real, real_array, shown
-from ..base.naming import PulleyLike, as_pulley, index_of, label
-from .torques import EQUAL, PiecewiseLinear, Torque
+from ..base.checks import Array, pair, real, shown
+from ..base.naming import PulleyLike, index_of, label
+from .torques import EQUAL, PiecewiseLinear, Torque, as_row, named
 
 __all__ = [
     "Harmonics",
@@ -26,44 +25,9 @@ __all__ = [
     "Ramp",
     "SpeedTable",
     "Step",
-    "as_row",
-    "as_row_or_none",
     "harmonic_fields",
-    "named",
+    "interval",
 ]
-
-
-def named(cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-    """Pass the names of a class's fields to their converters (a field transformer)."""
-
-    def bound(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
-        converter: Any = field.converter
-        name = f"{cls.__name__}.{field.name}"
-        return field.evolve(converter=lambda value: converter(value, name))
-
-    return [field if field.converter is None else bound(field) for field in fields]
-
-
-def as_row(value: ArrayLike, name: str = "value") -> Array:
-    """Check numbers (n,)."""
-    return real_array(name, value, ndim=1)
-
-
-def as_row_or_none(value: ArrayLike | None, name: str = "value") -> Any:
-    """Check numbers (n,), unless there are none."""
-    return None if value is None else as_row(value, name)
-
-
-def _pulley(value: PulleyLike, name: str = "value") -> PulleyLike:
-    return as_pulley(name, value)
-
-
-def _pulley_or_none(value: PulleyLike | None, name: str = "value") -> PulleyLike | None:
-    return None if value is None else as_pulley(name, value)
-
-
-def _number(value: float, name: str = "value") -> float:
-    return real(name, value)
 
 
 def _resisting(value: float, name: str = "value") -> float:
@@ -92,20 +56,24 @@ def _check_resisting_factor(owner: object, field: attrs.Attribute[Any], value: o
         )
 
 
-def _ramp(value: float | Sequence[float] | None, name: str = "ramp") -> tuple[float, float] | None:
-    if value is None:
-        return None
-    begin, end = pair(name, value, "s") if np.ndim(value) else (0.0, real(name, value, "s"))
+def interval(value: Sequence[float] | None, name: str = "interval") -> tuple[float, float]:
+    """Check beginning and end of an interval of time [s]."""
+    begin, end = pair(name, value, "s")
     if not end > begin:
         raise ValueError(f"{name} must end after it begins, got {begin:g} s and {end:g} s")
     return begin, end
+
+
+def _ramp(value: float | Sequence[float] | None, name: str = "ramp") -> tuple[float, float]:
+    given: Any = value
+    return interval(given if np.ndim(given) else (0.0, real(name, given, "s")), name)
 
 
 def harmonic_fields(owner: Any) -> None:
     """Check orders, amplitudes and phases; no phases are zeros."""
     name, n = type(owner).__name__, owner.orders.size
     if owner.phases is None:
-        object.__setattr__(owner, "phases", real_array("phases", np.zeros(n), ndim=1))
+        object.__setattr__(owner, "phases", as_row(np.zeros(n)))
     if n == 0:
         raise ValueError(f"{name}.orders must hold at least one order")
     if (owner.orders <= 0.0).any():
@@ -119,24 +87,13 @@ def harmonic_fields(owner: Any) -> None:
             )
 
 
-def _check_points(owner: SpeedTable | Motor) -> None:
-    name, omega, torque = type(owner).__name__, owner.omega, owner.torque
-    if torque.size != omega.size:
-        raise ValueError(
-            f"{name}.torque must have one value for each of the {omega.size} speed(s), "
-            f"got {torque.size}"
-        )
-    if (np.diff(omega) <= 0.0).any():
-        k = int(np.argmax(np.diff(omega) <= 0.0))
-        raise ValueError(
-            f"{name}.omega must be increasing, got {omega[k]:g} rad/s before {omega[k + 1]:g}"
-        )
-
-
 class _OnOnePulley(Torque):
-    """Base of torques on one pulley: the pulley, the printed form, a factor over time."""
+    """Base of torques on one pulley, with a factor over time."""
 
     __slots__ = ()
+    #: Name in texts, and of its term in the core.
+    _noun: ClassVar[str]
+    _term: ClassVar[str]
     pulley: PulleyLike
     factor: PiecewiseLinear | None
 
@@ -145,22 +102,60 @@ class _OnOnePulley(Torque):
         """None: it acts on ``pulley``, in a drive of any number of pulleys."""
         return None
 
-    def _index(self, pulleys: Sequence[str], path: str, field: str = "pulley") -> int:
-        return index_of(f"{path}.{field}", getattr(self, field), pulleys)
+    def _numbers(self, pulleys: Sequence[str], path: str) -> tuple[Any, ...]:
+        """Return what stands in its term between pulley and factor."""
+        raise NotImplementedError
+
+    def _words(self) -> str:
+        """Return what its text says after the pulley."""
+        raise NotImplementedError
 
     def _over_time(self) -> PiecewiseLinear | None:
         return self.factor
 
-    def _core_factor(self) -> tuple[Array, Array] | None:
-        factor = self._over_time()
-        return None if factor is None else (factor.t, factor.values[:, 0])
+    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
+        index, factor = index_of(f"{path}.pulley", self.pulley, pulleys), self._over_time()
+        times = None if factor is None else (factor.t, factor.values[:, 0])
+        return [(self._term, index, *self._numbers(pulleys, path), times)]
 
-    def _with_factor(self, text: str) -> str:
-        factor = self._over_time()
+    def __str__(self) -> str:
+        text, factor = f"{self._noun} on {label(self.pulley, ())}{self._words()}", self._over_time()
         if factor is None:
             return text
         t, values = factor.t, factor.values
         return f"{text}, times {values.min():g} to {values.max():g} from {t[0]:g} to {t[-1]:g} s"
+
+
+class _OverSpeed(_OnOnePulley):
+    """A torque from a table over the speed of its pulley."""
+
+    __slots__ = ()
+    _points: ClassVar[str]
+    omega: Array
+    torque: Array
+
+    def _check_points(self) -> None:
+        name, omega, torque = type(self).__name__, self.omega, self.torque
+        if torque.size != omega.size:
+            raise ValueError(
+                f"{name}.torque must have one value for each of the {omega.size} speed(s), "
+                f"got {torque.size}"
+            )
+        if (np.diff(omega) <= 0.0).any():
+            k = int(np.argmax(np.diff(omega) <= 0.0))
+            raise ValueError(
+                f"{name}.omega must be increasing, got {omega[k]:g} rad/s before {omega[k + 1]:g}"
+            )
+
+    def _numbers(self, _pulleys: Sequence[str], _path: str) -> tuple[Any, ...]:
+        return self.omega, self.torque
+
+    def _words(self) -> str:
+        omega, torque = self.omega, self.torque
+        return (
+            f" over its speed, {omega.size} {self._points} from {omega[0]:g} to {omega[-1]:g} "
+            f"rad/s, {torque.min():g} to {torque.max():g} N m"
+        )
 
 
 @attrs.frozen(repr=False, field_transformer=named)
@@ -179,13 +174,11 @@ class Load(_OnOnePulley):
         quadratic: Part in proportion to speed squared [N m s^2/rad^2], >= 0.
         factor: Factor over time, >= 0, a :class:`PiecewiseLinear` of one value per time, to switch
             the load: ``PiecewiseLinear([0.2, 0.25], [0, 1])``; None: 1.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
+    _noun, _term = "load", "load"
     _in_proportion = ("coulomb", "viscous", "quadratic")
-    pulley: PulleyLike = attrs.field(converter=_pulley)
+    pulley: PulleyLike
     coulomb: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
     viscous: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
     quadratic: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
@@ -193,11 +186,10 @@ class Load(_OnOnePulley):
         default=None, validator=_check_resisting_factor, kw_only=True
     )
 
-    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
-        against = [self.coulomb, self.viscous, self.quadratic]
-        return [("load", self._index(pulleys, path), against, self._core_factor())]
+    def _numbers(self, _pulleys: Sequence[str], _path: str) -> tuple[Any, ...]:
+        return ([self.coulomb, self.viscous, self.quadratic],)
 
-    def __str__(self) -> str:
+    def _words(self) -> str:
         parts = [
             f"{name} {getattr(self, name):g} {unit}"
             for name, unit in (
@@ -207,11 +199,11 @@ class Load(_OnOnePulley):
             )
             if getattr(self, name) != 0.0
         ]
-        return self._with_factor(f"load on {label(self.pulley, ())}, {', '.join(parts) or 'none'}")
+        return f", {', '.join(parts) or 'none'}"
 
 
 @attrs.frozen(repr=False, field_transformer=named)
-class SpeedTable(_OnOnePulley):
+class SpeedTable(_OverSpeed):
     """The load torque of an accessory over its speed, from a table: alternator, pump, compressor.
 
     At the speed omega its torque is ``-s M(|omega|)``: it resists the rotation in either direction,
@@ -225,13 +217,11 @@ class SpeedTable(_OnOnePulley):
         omega: Speeds, magnitudes (n,) [rad/s], >= 0 and increasing.
         torque: Torque that the accessory takes at these speeds (n,) [N m], >= 0.
         factor: Factor over time, as in :class:`Load`; None: 1.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
+    _noun, _term, _points = "load", "table", "point(s)"
     _in_proportion = ("torque",)
-    pulley: PulleyLike = attrs.field(converter=_pulley)
+    pulley: PulleyLike
     omega: Array = attrs.field(converter=as_row, eq=EQUAL)
     torque: Array = attrs.field(converter=as_row, eq=EQUAL)
     factor: PiecewiseLinear | None = attrs.field(
@@ -248,22 +238,11 @@ class SpeedTable(_OnOnePulley):
                     f"SpeedTable.{name} must be >= 0, for the table holds magnitudes of torques "
                     f"against the rotation, got {values[k]:g} at [{k}]"
                 )
-        _check_points(self)
-
-    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
-        index = self._index(pulleys, path)
-        return [("table", index, self.omega, self.torque, self._core_factor())]
-
-    def __str__(self) -> str:
-        return self._with_factor(
-            f"load on {label(self.pulley, ())} over its speed, {self.omega.size} point(s) from "
-            f"{self.omega[0]:g} to {self.omega[-1]:g} rad/s, {self.torque.min():g} to "
-            f"{self.torque.max():g} N m"
-        )
+        self._check_points()
 
 
 @attrs.frozen(repr=False, field_transformer=named)
-class Motor(_OnOnePulley):
+class Motor(_OverSpeed):
     """The torque of a motor over the speed of its pulley, from a table; at rest too, so it starts.
 
     Speeds and torques are counter-clockwise positive, each of either sign: torque with the speed
@@ -281,13 +260,11 @@ class Motor(_OnOnePulley):
         ramp: Time, from 0, in which the torque rises from zero to that of the table [s], or (begin,
             end) of the rise; None: it is there from the beginning.
         factor: Factor over time, as in :class:`Load` but of either sign, in place of ``ramp``.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
+    _noun, _term, _points = "motor", "curve", "points"
     _in_proportion = ("torque",)
-    pulley: PulleyLike = attrs.field(converter=_pulley)
+    pulley: PulleyLike
     omega: Array = attrs.field(converter=as_row, eq=EQUAL)
     torque: Array = attrs.field(converter=as_row, eq=EQUAL)
     ramp: tuple[float, float] | None = attrs.field(default=None, converter=_ramp, kw_only=True)
@@ -301,23 +278,12 @@ class Motor(_OnOnePulley):
                 f"Motor.omega must hold at least two speeds, got {self.omega.size}: a torque "
                 "that does not depend on speed is a Ramp or a Step"
             )
-        _check_points(self)
+        self._check_points()
         if self.ramp is not None and self.factor is not None:
             raise ValueError("Motor.ramp and Motor.factor are both given: put the rise in factor")
 
     def _over_time(self) -> PiecewiseLinear | None:
         return self.factor if self.ramp is None else PiecewiseLinear(self.ramp, [0.0, 1.0])
-
-    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
-        index = self._index(pulleys, path)
-        return [("curve", index, self.omega, self.torque, self._core_factor())]
-
-    def __str__(self) -> str:
-        return self._with_factor(
-            f"motor on {label(self.pulley, ())} over its speed, {self.omega.size} points from "
-            f"{self.omega[0]:g} to {self.omega[-1]:g} rad/s, {self.torque.min():g} to "
-            f"{self.torque.max():g} N m"
-        )
 
 
 @attrs.frozen(repr=False, field_transformer=named)
@@ -335,21 +301,15 @@ class Harmonics(_OnOnePulley):
         phases: Phases (n,) [rad]; None: zeros.
         of: Index or name of the pulley whose angle counts; None: that on which it acts.
         factor: Factor over time, as in :class:`Load`; None: 1.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
+    _noun, _term = "harmonics", "harmonics"
     _in_proportion = ("amplitudes",)
-    pulley: PulleyLike = attrs.field(converter=_pulley)
+    pulley: PulleyLike
     orders: Array = attrs.field(converter=as_row, eq=EQUAL)
     amplitudes: Array = attrs.field(converter=as_row, eq=EQUAL)
-    phases: Array = attrs.field(default=None, converter=as_row_or_none, eq=EQUAL)
-    of: PulleyLike | None = attrs.field(
-        default=None,
-        converter=_pulley_or_none,
-        kw_only=True,
-    )
+    phases: Array = attrs.field(default=None, converter=as_row, eq=EQUAL)
+    of: PulleyLike | None = attrs.field(default=None, kw_only=True)
     factor: PiecewiseLinear | None = attrs.field(
         default=None, validator=_check_factor, kw_only=True
     )
@@ -357,19 +317,18 @@ class Harmonics(_OnOnePulley):
     def __attrs_post_init__(self) -> None:
         harmonic_fields(self)
 
-    def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
-        index = self._index(pulleys, path)
-        of = index if self.of is None else self._index(pulleys, path, "of")
-        harmonics = (self.orders, self.amplitudes, self.phases)
-        return [("harmonics", index, of, *harmonics, self._core_factor())]
+    @property
+    def _over(self) -> PulleyLike:
+        return self.pulley if self.of is None else self.of
 
-    def __str__(self) -> str:
-        of = self.pulley if self.of is None else self.of
+    def _numbers(self, pulleys: Sequence[str], path: str) -> tuple[Any, ...]:
+        of = index_of(f"{path}.of", self._over, pulleys)
+        return of, self.orders, self.amplitudes, self.phases
+
+    def _words(self) -> str:
         orders = ", ".join(f"{order:g}" for order in self.orders)
-        return self._with_factor(
-            f"harmonics on {label(self.pulley, ())} over the angle of {label(of, ())}, orders "
-            f"{orders}, up to {np.abs(self.amplitudes).max():g} N m"
-        )
+        most = np.abs(self.amplitudes).max()
+        return f" over the angle of {label(self._over, ())}, orders {orders}, up to {most:g} N m"
 
 
 class _OverTime(_OnOnePulley):
@@ -393,21 +352,19 @@ class Step(_OverTime):
         pulley: Index or name of the pulley.
         t: Time of the jump [s].
         torque: Torque after it, counter-clockwise [N m].
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
+    _noun = "step"
     _in_proportion = ("torque",)
-    pulley: PulleyLike = attrs.field(converter=_pulley)
-    t: float = attrs.field(converter=_number)
-    torque: float = attrs.field(converter=_number)
+    pulley: PulleyLike
+    t: float
+    torque: float
 
     def _history(self) -> PiecewiseLinear:
         return PiecewiseLinear([self.t, self.t], [0.0, self.torque], self.pulley)
 
-    def __str__(self) -> str:
-        return f"step on {label(self.pulley, ())}, {self.torque:g} N m from {self.t:g} s on"
+    def _words(self) -> str:
+        return f", {self.torque:g} N m from {self.t:g} s on"
 
 
 @attrs.frozen(repr=False, field_transformer=named)
@@ -419,16 +376,14 @@ class Ramp(_OverTime):
         t_begin: Time at which it begins to rise [s].
         t_end: Time from which on it is ``torque`` [s], after ``t_begin``.
         torque: Torque in the end, counter-clockwise [N m].
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
+    _noun = "ramp"
     _in_proportion = ("torque",)
-    pulley: PulleyLike = attrs.field(converter=_pulley)
-    t_begin: float = attrs.field(converter=_number)
-    t_end: float = attrs.field(converter=_number)
-    torque: float = attrs.field(converter=_number)
+    pulley: PulleyLike
+    t_begin: float
+    t_end: float
+    torque: float
 
     def __attrs_post_init__(self) -> None:
         if self.t_end <= self.t_begin:
@@ -440,8 +395,5 @@ class Ramp(_OverTime):
     def _history(self) -> PiecewiseLinear:
         return PiecewiseLinear([self.t_begin, self.t_end], [0.0, self.torque], self.pulley)
 
-    def __str__(self) -> str:
-        return (
-            f"ramp on {label(self.pulley, ())}, to {self.torque:g} N m from {self.t_begin:g} to "
-            f"{self.t_end:g} s"
-        )
+    def _words(self) -> str:
+        return f", to {self.torque:g} N m from {self.t_begin:g} to {self.t_end:g} s"

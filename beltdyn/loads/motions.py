@@ -11,11 +11,11 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..base.checks import Array, pair, positive, real, shown
+from ..base.checks import Array, positive, real, shown
 from ..base.naming import ByPulley, by_index, key
 from ..base.optional import scipy_module
-from .loads import as_row, as_row_or_none, harmonic_fields, named
-from .torques import EQUAL, PiecewiseLinear, Torque
+from .loads import harmonic_fields, interval
+from .torques import EQUAL, PiecewiseLinear, Torque, as_row, named
 
 __all__ = [
     "AngleTable",
@@ -45,8 +45,8 @@ _KNOTS = 20
 _ORDER = 4
 
 
-def _cutoff(value: float | None, name: str = "cutoff") -> float | None:
-    return None if value is None else positive(name, value, "Hz")
+def _cutoff(value: float | None, name: str = "cutoff") -> float:
+    return positive(name, value, "Hz")
 
 
 def _listed(values: Array) -> str:
@@ -262,15 +262,6 @@ def _mean_speed(value: float | PiecewiseLinear, name: str = "speed") -> Piecewis
     return PiecewiseLinear([0.0], [real(name, value, "rad/s")])
 
 
-def _fade(value: Sequence[float] | None, name: str = "fade") -> tuple[float, float] | None:
-    if value is None:
-        return None
-    begin, end = pair(name, value, "s")
-    if end <= begin:
-        raise ValueError(f"{name} must end after it begins, got {begin:g} s and {end:g} s")
-    return begin, end
-
-
 @attrs.frozen(field_transformer=named)
 class CrankMotion:
     """The prescribed motion of a crank that turns unevenly: a mean speed, and harmonics.
@@ -296,16 +287,13 @@ class CrankMotion:
         amplitudes: Amplitudes of the angle (n,) [rad].
         phases: Phases (n,) [rad]; None: zeros.
         fade: Times between which the fluctuation fades in [s]; None: it is there all the time.
-
-    Raises:
-        TypeError, ValueError: A field breaks its rule.
     """
 
     speed: PiecewiseLinear = attrs.field(converter=_mean_speed)
     orders: Array = attrs.field(converter=as_row, eq=EQUAL, repr=_listed)
     amplitudes: Array = attrs.field(converter=as_row, eq=EQUAL, repr=_listed)
-    phases: Array = attrs.field(default=None, converter=as_row_or_none, eq=EQUAL, repr=_listed)
-    fade: tuple[float, float] | None = attrs.field(default=None, converter=_fade, kw_only=True)
+    phases: Array = attrs.field(default=None, converter=as_row, eq=EQUAL, repr=_listed)
+    fade: tuple[float, float] | None = attrs.field(default=None, converter=interval, kw_only=True)
 
     def __attrs_post_init__(self) -> None:
         harmonic_fields(self)
@@ -320,20 +308,19 @@ class CrankMotion:
         )
 
 
+def in_core(motion: object) -> PiecewiseLinear | CrankMotion | AngleTable | None:
+    """Return the object of a motion that the core evaluates by itself; None for functions."""
+    if isinstance(motion, Motion):
+        motion = motion.angle if motion.speed is None else motion.speed
+    return motion if isinstance(motion, (PiecewiseLinear, CrankMotion, AngleTable)) else None
+
+
 def described(motion: MotionLike) -> str:
     """Describe the motion in words."""
-    if isinstance(motion, Motion) and isinstance(motion.angle, AngleTable):
-        return str(motion.angle)
-    speed = motion.speed if isinstance(motion, Motion) else motion
-    return speed.described("", "rad/s") if isinstance(speed, PiecewiseLinear) else str(motion)
-
-
-def in_core(motion: object) -> bool:
-    """Whether the core evaluates a motion by itself."""
-    if isinstance(motion, Motion) and isinstance(motion.angle, AngleTable):
-        return True
-    speed = motion.speed if isinstance(motion, Motion) else motion
-    return isinstance(speed, (PiecewiseLinear, CrankMotion, AngleTable))
+    known = in_core(motion)
+    if isinstance(known, PiecewiseLinear):
+        return known.described("", "rad/s")
+    return str(motion if known is None else known)
 
 
 def as_motions(
@@ -349,8 +336,8 @@ def as_motions(
         )
     found: dict[int, Motion | CrankMotion] = {}
     for index, given in by_index("motion", motion, names).items():
-        angle = given.angle if isinstance(given, Motion) else given
-        value: Any = angle.speed if isinstance(angle, AngleTable) else given
+        known = in_core(given)
+        value: Any = known.speed if isinstance(known, AngleTable) else given
         if isinstance(value, (Motion, CrankMotion)):
             found[index] = value
             continue

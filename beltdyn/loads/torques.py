@@ -10,14 +10,15 @@ import functools
 import numbers
 import sys
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, Self, TypeAlias
+from typing import Any, ClassVar, Self, TypeAlias, cast
 
 import attrs
 import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import _core
-from ..base.checks import Array, real_array, refuse_masked
+from ..base.checks import Array, real, real_array, refuse_masked
+from ..base.described import ruled
 from ..base.naming import PulleyLike, as_pulley, index_of, label, names_of
 
 __all__ = [
@@ -27,7 +28,9 @@ __all__ = [
     "TorqueLike",
     "TorqueSum",
     "Viscous",
+    "as_row",
     "as_terms",
+    "named",
     "on_pulley",
 ]
 
@@ -144,45 +147,67 @@ def _parts(torque: Torque) -> Sequence[Torque]:
 
 @functools.lru_cache(maxsize=16)
 def _stand_in(n_pulleys: int) -> _core.Model:
-    """Return a drive for torques that are evaluated without one.
-
-    Its waves are so slow that none but a speed of 0 is near zero speed, where signs are smooth.
-    """
+    """Return a drive to evaluate torques, with waves so slow that no sign is smooth."""
     ones, places = (1.0,) * n_pulleys, [(3.0 * k, 0.0) for k in range(n_pulleys)]
     belt = (1.0, 3, 1.0, 1e-100, 0.0, 0.0, 0.0)
     return _core.Model(belt, places, ones, ones, (0.0, 1.0, 0.0, 0, 0.0), None, (0.0, 0.0))
 
 
-def _times(value: ArrayLike) -> Array:
-    t = real_array("PiecewiseLinear.t", value, ndim=1)
+#: Checks of fields without a converter, by what they are declared as.
+_CHECKS: dict[Any, Callable[[str, Any], Any]] = {"float": real, "PulleyLike": as_pulley}
+
+
+def named(cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+    """Check fields, which messages call by their full names (a field transformer).
+
+    By a converter of value and name, or by their type; None passes where it is the default.
+    """
+    ruled(cls, {})
+
+    def checked(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
+        name, given = f"{cls.__name__}.{field.name}", cast(Any, field.converter)
+        by_type = cast(Any, _CHECKS.get(str(field.type).removesuffix(" | None")))
+        if given is None and by_type is None:
+            return field
+
+        def check(value: Any) -> Any:
+            return by_type(name, value) if given is None else given(value, name)
+
+        return field.evolve(
+            converter=attrs.converters.optional(check) if field.default is None else check
+        )
+
+    return list(map(checked, fields))
+
+
+def as_row(value: ArrayLike | None, name: str = "value") -> Array:
+    """Check numbers (n,)."""
+    return real_array(name, value, ndim=1)
+
+
+def _times(value: ArrayLike, name: str = "t") -> Array:
+    t = real_array(name, value, ndim=1)
     if t.size == 0:
-        raise ValueError("PiecewiseLinear.t must hold at least one time")
+        raise ValueError(f"{name} must hold at least one time")
     if (np.diff(t) < 0.0).any():
         k = int(np.argmax(np.diff(t) < 0.0))
-        raise ValueError(
-            f"PiecewiseLinear.t must be non-decreasing, got {t[k]:g} s before {t[k + 1]:g} s"
-        )
+        raise ValueError(f"{name} must be non-decreasing, got {t[k]:g} s before {t[k + 1]:g} s")
     if (t[2:] == t[:-2]).any():
         k = int(np.argmax(t[2:] == t[:-2]))
         raise ValueError(
-            f"PiecewiseLinear.t must hold a time at most twice (a jump), got {t[k]:g} s three times"
+            f"{name} must hold a time at most twice (a jump), got {t[k]:g} s three times"
         )
     return t
 
 
-def _values(value: ArrayLike) -> Array:
-    refuse_masked("PiecewiseLinear.values", value)
+def _values(value: ArrayLike, name: str = "values") -> Array:
+    refuse_masked(name, value)
     try:
         of_one_pulley = np.ndim(value) == 1
     except ValueError:  # rows of different lengths
         of_one_pulley = False
-    if not of_one_pulley:
-        return real_array("PiecewiseLinear.values", value, ndim=2)
-    return real_array("PiecewiseLinear.values", value, ndim=1)[:, None]
-
-
-def _pulley_or_none(value: object) -> PulleyLike | None:
-    return None if value is None else as_pulley("PiecewiseLinear.pulley", value)
+    values = real_array(name, value, ndim=1 if of_one_pulley else 2)
+    return values[:, None] if of_one_pulley else values
 
 
 def on_pulley(index: int, torque: ArrayLike, n_pulleys: int) -> Array:
@@ -192,7 +217,7 @@ def on_pulley(index: int, torque: ArrayLike, n_pulleys: int) -> Array:
     return out
 
 
-@attrs.frozen(repr=False)
+@attrs.frozen(repr=False, field_transformer=named)
 class PiecewiseLinear(Torque):
     """Values given at times, linear between them, constant before the first and after the last.
 
@@ -208,33 +233,24 @@ class PiecewiseLinear(Torque):
             column they may be given as (n_t,).
         pulley: Index or name of the pulley that ``values``, then of one column, are for; None: they
             are for all pulleys of the drive.
-
-    Raises:
-        TypeError: Not real numbers.
-        ValueError: A rule is broken; the message names field and rule.
     """
 
     _in_proportion = ("values",)
     t: Array = attrs.field(converter=_times, eq=EQUAL)
     values: Array = attrs.field(converter=_values, eq=EQUAL)
-    pulley: PulleyLike | None = attrs.field(default=None, converter=_pulley_or_none)
+    pulley: PulleyLike | None = attrs.field(default=None)
 
-    @values.validator
-    def _check_values(self, _field: attrs.Attribute[Array], values: Array) -> None:
-        if values.shape[0] != self.t.size or values.shape[1] == 0:
+    def __attrs_post_init__(self) -> None:
+        shape = self.values.shape
+        if shape[0] != self.t.size or shape[1] == 0:
             raise ValueError(
-                "PiecewiseLinear.values must have shape (n_t, n_p) = "
-                f"({self.t.size}, n_p), got {values.shape}"
+                f"PiecewiseLinear.values must have shape (n_t, n_p) = ({self.t.size}, n_p), "
+                f"got {shape}"
             )
-
-    @pulley.validator
-    def _check_pulley(
-        self, _field: attrs.Attribute[PulleyLike | None], pulley: PulleyLike | None
-    ) -> None:
-        if pulley is not None and self.values.shape[1] != 1:
+        if self.pulley is not None and shape[1] != 1:
             raise ValueError(
                 "PiecewiseLinear.values must have one column where the pulley is given, "
-                f"got shape {self.values.shape}"
+                f"got shape {shape}"
             )
 
     @property
@@ -265,23 +281,19 @@ class PiecewiseLinear(Torque):
         )
 
 
-def _coefficients(value: ArrayLike) -> Array:
-    coefficients = real_array("Viscous.coefficients", value, ndim=1)
+def _coefficients(value: ArrayLike, name: str = "coefficients") -> Array:
+    coefficients = as_row(value, name)
     if coefficients.size == 0:
-        raise ValueError("Viscous.coefficients must hold one value per pulley, got none")
+        raise ValueError(f"{name} must hold one value per pulley, got none")
     return coefficients
 
 
-@attrs.frozen(repr=False)
+@attrs.frozen(repr=False, field_transformer=named)
 class Viscous(Torque):
     """A torque against the motion, -coefficient_j omega_j; (2.13) of the paper has 100/(2 pi).
 
     Attributes:
         coefficients: One per pulley (n_p,) [N m s/rad]; negative ones drive.
-
-    Raises:
-        TypeError: Not real numbers.
-        ValueError: A rule is broken; the message names field and rule.
     """
 
     _in_proportion = ("coefficients",)

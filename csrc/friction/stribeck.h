@@ -6,7 +6,7 @@
  */
 #define BD_STRIBECK(X, law)                                                                        \
   X(law, mu_s, NONNEGATIVE, "1", "static friction coefficient; 0: no Stribeck curve")              \
-  X(law, v_stribeck, NONNEGATIVE, "m/s", "slip velocity over which friction falls to mu_k; 0: none")
+  X(law, v_stribeck, NONNEGATIVE, "m/s", "slip velocity over which friction falls, > 0 if mu_s is")
 
 #ifdef BD_LAW_FUNCTIONS
 
