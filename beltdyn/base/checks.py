@@ -12,23 +12,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "Array",
-    "close_to",
-    "flag",
-    "integer",
-    "one_of",
-    "pair",
-    "positive",
-    "real",
-    "real_array",
-    "refuse_masked",
-    "sample_times",
-    "share_of_run",
-    "shown",
-    "unknown_field",
-]
-
 Array = NDArray[np.float64]
 
 

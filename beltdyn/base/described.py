@@ -18,8 +18,6 @@ import attrs
 
 from .checks import unknown_field
 
-__all__ = ["describe", "describe_all", "listed", "quantity", "ruled", "unit_of", "with_units"]
-
 _Class = TypeVar("_Class", bound=type)
 
 #: For ``attrs.inspect`` and for classes that are made of this one and set attributes; not

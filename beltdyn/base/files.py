@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-__all__ = ["check_writable", "replacing", "write_bytes"]
-
 #: Characters of a name and its ending used in that of the temporary file, to limit its length.
 _STEM, _ENDING = 40, 12
 
@@ -20,12 +18,9 @@ _STEM, _ENDING = 40, 12
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Yield the path of a temporary file with the same ending, which then replaces ``path``.
 
-    The temporary file is in the same folder, because only there it can replace another in one step:
-    there is always either the old file or the new one, also after a power failure. If the body
-    raises, Ctrl-C included, the temporary file is removed and ``path`` is unchanged. A file keeps
-    its permission bits, and its owner where the system allows it; a link is followed; other hard
-    links to a file keep the old contents. Anything but a regular file, such as a pipe or
-    /dev/null, is written to directly.
+    It is in the same folder, so that there is always either the old file or the new one, also after
+    a power failure; whatever the body raises, it is removed. Permission bits, the owner where the
+    system allows it, and links stay; pipes and devices are written to directly.
     """
     target, before = _find(path)
     if before is not None and not stat.S_ISREG(before.st_mode):

@@ -15,23 +15,6 @@ import numpy as np
 
 from .checks import close_to, integer, shown
 
-__all__ = [
-    "LONGEST",
-    "ByPulley",
-    "PulleyLike",
-    "as_name",
-    "as_pulley",
-    "by_index",
-    "index_of",
-    "key",
-    "label",
-    "labels",
-    "names_of",
-    "span_name",
-    "span_names",
-    "with_names",
-]
-
 _T = TypeVar("_T")
 #: A pulley, called by its index or its name.
 PulleyLike: TypeAlias = int | str
@@ -131,17 +114,16 @@ def labels(one: int, other: int, names: Sequence[str]) -> str:
 
 
 def span_name(span: int, names: Sequence[str], unnamed: str) -> str:
-    """Return the name of a span: "crank to pulley 3", or ``unnamed`` between unnamed pulleys."""
+    """Return the name of a span: "crank to pulley 3", or ``unnamed``, "{} to {}", without names."""
     after = (span + 1) % len(names)
     if _is_named(span, names) or _is_named(after, names):
         return f"{names[span]} to {names[after]}"
-    return unnamed
+    return unnamed.format(span, after)
 
 
 def span_names(names: Sequence[str], unnamed: str = "pulley {} to pulley {}") -> list[str]:
-    """Return the names of all spans, those between unnamed pulleys from the format ``unnamed``."""
-    n = len(names)
-    return [span_name(k, names, unnamed.format(k, (k + 1) % n)) for k in range(n)]
+    """Return the names of all spans."""
+    return [span_name(span, names, unnamed) for span in range(len(names))]
 
 
 def with_names(values: Iterable[str], names: Iterable[str]) -> str:

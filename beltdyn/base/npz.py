@@ -20,8 +20,6 @@ from numpy.typing import DTypeLike, NDArray
 
 from . import files
 
-__all__ = ["number_array", "pack", "read", "text", "unpack", "write"]
-
 _T = TypeVar("_T")
 Arrays = Mapping[str, NDArray[Any]]
 

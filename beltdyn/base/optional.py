@@ -5,8 +5,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-__all__ = ["optional_module", "scipy_module"]
-
 
 def optional_module(name: str, user: str, extra: str) -> Any:
     """Import a module of a package that an extra of this one brings."""

@@ -10,8 +10,6 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
-__all__ = ["counted", "over_time"]
-
 
 def _terminal(enabled: bool) -> Console | None:
     """Return standard error; None if progress is not wanted there, or clutter in a file or pipe."""

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-__all__ = ["finite_or_none", "percent", "rounded"]
-
 
 def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, int]:
     """Round a number to the place of the first digit of its error; return it and its digits."""

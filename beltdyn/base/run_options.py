@@ -10,8 +10,6 @@ import numpy as np
 from .. import _core
 from .checks import Array, flag, integer, one_of, positive, real, real_array
 
-__all__ = ["BY_BUDGET", "METHODS", "USUAL", "Options", "Row"]
-
 #: Integration methods, of the core's table; :func:`beltdyn.simulate` describes them.
 METHODS = _core.METHODS
 _NO_TIMES: Array = np.zeros(0)
@@ -20,15 +18,11 @@ _NO_TIMES: Array = np.zeros(0)
 class Row(NamedTuple):
     """What an option may be, and what it is.
 
-    Attributes:
-        kind: The type of its values; of several times :class:`numpy.ndarray`.
-        text: What it is, in a sentence.
-        unit: Its unit, "" if it has none.
-        limits: Of a text, all that it may be; of an integer, the least; of a number, the least and
-            the largest: without them it is > 0.
+    Limits are of a text all that it may be, of an integer the least, of a number the least and the
+    largest; without them it is > 0.
     """
 
-    kind: type
+    kind: type  # of its values; of several times numpy.ndarray
     text: str
     unit: str = ""
     limits: tuple[Any, ...] = ()

@@ -11,16 +11,6 @@ from typing import Any
 
 import attrs
 
-__all__ = [
-    "AccuracyWarning",
-    "BeltdynWarning",
-    "RunWarning",
-    "distinct",
-    "is_error",
-    "issue",
-    "silenced",
-]
-
 
 class BeltdynWarning(UserWarning):
     """A run whose drive, loads or results are not what one would expect.

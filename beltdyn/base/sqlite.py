@@ -14,8 +14,6 @@ from typing import Any
 
 from . import files
 
-__all__ = ["Place", "created", "errors", "opened", "written"]
-
 #: Errors of the system, by the code of SQLite. Others are of what is in the file.
 _OF_SYSTEM = {
     sqlite3.SQLITE_FULL: errno.ENOSPC,

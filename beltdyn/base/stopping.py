@@ -11,8 +11,6 @@ from typing import Any
 
 from .. import _core
 
-__all__ = ["Stopper", "stoppable", "without_ctrl_c"]
-
 #: The stopper of the runs of this thread.
 _STOPPER: ContextVar[Stopper | None] = ContextVar("stopper", default=None)
 

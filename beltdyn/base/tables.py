@@ -8,8 +8,6 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import NamedTuple
 
-__all__ = ["Table", "columns", "fitted", "framed", "paragraphs", "table_of", "wrapped"]
-
 _Rows = Sequence[Sequence[str]]
 
 

@@ -23,8 +23,6 @@ from .mounts import Sprung
 from .parts import Pulley
 from .route import route
 
-__all__ = ["preloaded", "tension_held"]
-
 #: To which several mounts must ask for the same tension.
 _AGREE = 1e-3
 #: Steps to the tension that is held, of which the lift of the spans is a function, each of which

@@ -6,7 +6,7 @@ Every limit below stands with the argument for it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import TypeVar
 
 import attrs
@@ -15,33 +15,9 @@ import numpy as np
 from ..base.checks import Array
 from ..base.rounding import percent
 from ..base.run_warnings import RunWarning
-from .compliance import Drive
-from .parts import CHOOSE, Pulley
-from .route import Route
+from .drive import Drive
+from .parts import CHOOSE
 from .span import Span
-
-__all__ = [
-    "cheaper",
-    "chosen",
-    "describe",
-    "describe_cheaper",
-    "errors",
-    "finer",
-    "instead",
-    "landings",
-    "limits",
-    "modes_off",
-    "reach",
-    "seen",
-    "trusted",
-]
-
-#: Length of a cell on a pulley, and cells on half a turn of the largest one, from which on they are
-#: longer: a sixth of the half wave of a torsional vibration of 500 Hz, and creep right to 0.02 %.
-CELL, HALF_TURN = 0.0125, 30
-#: Radius [m] of which smaller pulleys have the cells: 10 on half a turn, tensions beside one that
-#: takes up all of them right to 0.2 %.
-SMALL = 0.04
 
 #: Error of the tensions beside a pulley, over what it takes from one to the other, times the square
 #: of the cells on half a turn: against creep theory 0.2, 0.2, 0.2, 0.2 with 10, 20, 40, 80 cells.
@@ -74,20 +50,13 @@ AMISS, NEAR = 0.01, 0.97
 D = TypeVar("D", bound=Drive)
 
 
-def chosen(pulleys: Sequence[Pulley], line: Route) -> int:
-    """Return the number of cells to ask for where it is not given."""
-    radii = np.array([pulley.radius for pulley in pulleys])
-    length = max(CELL, math.pi * float(radii.max()) / HALF_TURN)
-    return 2 * len(pulleys) + math.ceil(float(line.wraps @ np.maximum(radii, SMALL)) / length)
-
-
 def instead(params: D) -> D | None:
     """Return the drive with an ALE belt in place of links; None: it has one, or cannot have it."""
     if params._belt_facts["flows"] or params._belt_facts["tangents"]:
         return None
     try:
         belt = attrs.evolve(params.belt, mesh=CHOOSE[0], model="auto", n_bodies=None)
-        other: D = attrs.evolve(params, belt=belt)  # type: ignore[misc]
+        other: D = attrs.evolve(params, belt=belt)
         return None if any(limits(other)) else other
     except (RuntimeError, TypeError, ValueError):  # nor one that does not come to rest
         return None
@@ -101,7 +70,7 @@ def landings(params: Drive, speed: float) -> float:
 
 def _work(params: Drive, rtol: float) -> float:
     """Estimate the CPU time of a second of an ALE belt [explicit steps of a link]."""
-    return STEPS * math.pow(AT / rtol, POWER) * STEP * chosen(params.pulleys, params.route)
+    return STEPS * math.pow(AT / rtol, POWER) * STEP * params._usual_cells(params.route)
 
 
 def cheaper(params: Drive, explicit: float, implicit: float, rtol: float, time: float) -> float:
@@ -231,42 +200,45 @@ def seen(
     params: Drive, tension: Array | None, flow: Array | None, deflection: Array | None
 ) -> Iterator[tuple[str, str, int, int]]:
     """Return where a run came near the limits of an ALE belt: code, text, sample, span."""
+
+    def most(values: Array) -> tuple[float, int, int]:
+        t, k = np.unravel_index(int(np.argmax(values)), values.shape)
+        return float(values[t, k]), int(t), int(k)
+
     rest = float(params.info["strain_tension"])
     if tension is not None:
         span = Span(params.belt, tension, 0.0 if flow is None else flow[:, None])
-        thrown, least = span.centrifugal + 0.0 * tension, span.pull
-        t, k = np.unravel_index(int(np.argmin(least)), least.shape)
-        if least[t, k] < NEAR_SLACK * rest:
+        thrown = span.centrifugal + 0.0 * tension
+        least, t, k = most(-span.pull)
+        if -least < NEAR_SLACK * rest:
             yield (
                 "near_slack",
-                f"has {least[t, k]:.3g} N left to press it on its pulleys, of {rest:.4g} N at "
+                f"has {-least:.3g} N left to press it on its pulleys, of {rest:.4g} N at "
                 f"rest: below {percent(0.5 * NEAR_SLACK)} of it the run ends, and tensions may be "
                 "off by some percent",
-                int(t),
-                int(k),
+                t,
+                k,
             )
-        share = np.sqrt(np.clip(thrown / np.maximum(tension, 1e-300), 0.0, 1.0))
-        t, k = np.unravel_index(int(np.argmax(share)), share.shape)
+        share, t, k = most(np.sqrt(np.clip(thrown / np.maximum(tension, 1e-300), 0.0, 1.0)))
         modes = _modes(params)
-        off = abs(modes_off(min(float(share[t, k]), 0.99), modes))
+        off = abs(modes_off(min(share, 0.99), modes))
         if off[:LOWEST].max() > FAST:
             yield (
                 "span_modes",
-                f"runs at {percent(share[t, k])} of the speed of its waves: with {modes} sine "
+                f"runs at {percent(share)} of the speed of its waves: with {modes} sine "
                 "modes the frequencies of its lateral vibrations are off by "
                 f"{', '.join(map(percent, off))}",
-                int(t),
-                int(k),
+                t,
+                k,
             )
     if deflection is not None and deflection.size:
         waves = np.arange(1, 1 + deflection.shape[-1]) * np.pi / params.route.spans[:, None]
-        slope = np.sum(np.abs(deflection) * waves, axis=-1)
-        t, k = np.unravel_index(int(np.argmax(slope)), slope.shape)
-        if slope[t, k] > STEEP:
+        slope, t, k = most(np.sum(np.abs(deflection) * waves, axis=-1))
+        if slope > STEEP:
             yield (
                 "steep_span",
-                f"swings with a slope of {slope[t, k]:.2g}: from {2.0 * STEEP:.2g} on, where what "
+                f"swings with a slope of {slope:.2g}: from {2.0 * STEEP:.2g} on, where what "
                 "its swing does to its length is no longer small, the run ends",
-                int(t),
-                int(k),
+                t,
+                k,
             )

@@ -9,79 +9,17 @@ here is a bound.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from typing import Protocol
-
 import attrs
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from .. import _core
 from ..base.checks import Array
 from ..base.rounding import percent
-from .friction import Friction
-from .parts import Belt, Contact, Pulley
-from .route import Route
+from .drive import Drive
 from .span import Span
-from .tensioning import Tensioning
 
-__all__ = [
-    "Compliance",
-    "complete",
-    "compliance",
-    "compliance_error",
-    "depth_under",
-    "describe",
-    "raised",
-    "running_radius",
-]
-
-#: Of a chosen contact, EA / (c2' R^2) on the smallest pulley: what the contact adds to creep.
-YIELD = 0.01
-#: Its damping as a share of critical, for the mass on its spring, link by link or metre by metre
-#: alike: what rings after a link has landed is down to 1/38 within one period, and the contact
-#: still follows a link that leaves, which from critical damping on it no longer does.
-DAMPING = 0.5
 #: Least creep that errors of creep are measured by, 0.1 %: slip is measured no better.
 CREEP = 1e-3
-
-
-class Drive(Protocol):
-    """The part of :class:`beltdyn.Params` that is needed by modules that it imports."""
-
-    @property
-    def belt(self) -> Belt: ...
-    @property
-    def pulleys(self) -> tuple[Pulley, ...]: ...
-    @property
-    def contact(self) -> Contact: ...
-    @property
-    def gravity(self) -> tuple[float, float]: ...
-    @property
-    def tensioning(self) -> Tensioning: ...
-    @property
-    def effective_contact(self) -> Contact: ...
-    @property
-    def info(self) -> Mapping[str, float | int]: ...
-    @property
-    def route(self) -> Route: ...
-    @property
-    def _model(self) -> _core.Model: ...
-    @property
-    def _radii(self) -> Array: ...
-    @property
-    def _belt_facts(self) -> _core.BeltFacts: ...
-    @property
-    def _wave_speed(self) -> float: ...
-    @property
-    def _cells(self) -> NDArray[np.int32]: ...
-    @property
-    def _slip_limits(self) -> tuple[Array, Array]: ...
-    @property
-    def _compliance_error(self) -> dict[str, float]: ...
-    def friction_on(self, pulley: int) -> Friction | None: ...
-    def label(self, pulley: int) -> str: ...
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -114,18 +52,6 @@ class Compliance:
     relative_tension_change: float
     ratio_change: Array
     creep_share: float
-
-
-def complete(contact: Contact, belt: Belt, pulleys: tuple[Pulley, ...]) -> Contact:
-    """Return a contact in which missing numbers are chosen, as :class:`beltdyn.Contact` says."""
-    if contact.linear is not None and contact.damping is not None:
-        return contact
-    smallest = min(pulley.radius for pulley in pulleys)
-    gives = YIELD * smallest**2
-    linear = belt.axial_stiffness / gives if gives > 0.0 else math.inf  # which is refused
-    critical = 2.0 * math.sqrt(linear * belt.linear_density)
-    damping = DAMPING * critical if contact.damping is None else contact.damping
-    return attrs.evolve(contact, linear=linear, damping=damping)
 
 
 def depth_under(

@@ -16,8 +16,6 @@ import attrs
 
 from .rules import Printable, from_table, numbers_of
 
-__all__ = ["Coupling", "Isolator", "OverrunningClutch", "TorsionalDamper", "coupling_or_none"]
-
 
 class _Joined(Printable):
     """Base of the couplings; the part that turns beside the shaft is the rim or a ring."""
@@ -94,12 +92,3 @@ class TorsionalDamper(_Joined):
 
 
 Coupling: TypeAlias = Isolator | OverrunningClutch | TorsionalDamper
-
-
-def coupling_or_none(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
-    """Check the field of a pulley that holds its coupling."""
-    if value is not None and not isinstance(value, Coupling):
-        raise TypeError(
-            "pulley.coupling must be an Isolator, an OverrunningClutch, a TorsionalDamper or None, "
-            f"got {type(value).__name__}"
-        )

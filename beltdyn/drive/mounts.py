@@ -18,17 +18,6 @@ from .. import _core
 from ..base.checks import Array, pair, real_array
 from .rules import Printable, Rule, from_table, numbers_of, rules_of
 
-__all__ = [
-    "KINDS",
-    "Arm",
-    "Mount",
-    "MountKind",
-    "Path",
-    "Slider",
-    "Sprung",
-    "mount_or_none",
-]
-
 Stops: TypeAlias = tuple[float, float] | None
 
 
@@ -36,24 +25,15 @@ class MountKind(NamedTuple):
     """A row of the table of mounts, a class each: what the package asks for by it.
 
     What stands still in a picture is ``_drawn`` of the class: points (n, 2) by style, of a pulley.
-
-    Attributes:
-        name: Name in the core, in TOML files and in reports.
-        part: Name in modes.
-        sense: In which travels and forces count.
-        remark: Remark in reports.
-        guide: Field of the core's pair, along which it moves.
-        free: Field of the travel at which its spring is unloaded.
-        spring: Name of the force of its spring in reports.
     """
 
-    name: str
-    part: str
-    sense: str
-    remark: str
-    guide: str = ""
-    free: str = ""
-    spring: str = "spring"
+    name: str  # in the core, in TOML files and in reports
+    part: str  # name in modes
+    sense: str  # in which travels and forces count
+    remark: str  # in reports
+    guide: str = ""  # field of the core's pair, along which it moves
+    free: str = ""  # field of the travel at which its spring is unloaded
+    spring: str = "spring"  # name of its force in reports
 
     @property
     def angle(self) -> bool | None:
@@ -399,11 +379,3 @@ class Path(Printable):
 Mount: TypeAlias = Arm | Slider | Path
 #: Rows by name.
 KINDS: dict[str, MountKind] = {cls._row.name: cls._row for cls in get_args(Mount)}
-
-
-def mount_or_none(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
-    """Check the field of a pulley that holds its mount."""
-    if value is not None and not isinstance(value, Mount):
-        names = (cls.__name__ for cls in get_args(Mount))
-        kinds = ", ".join(f"{'an' if name[0] in 'AEIO' else 'a'} {name}" for name in names)
-        raise TypeError(f"pulley.mount must be {kinds} or None, got {type(value).__name__}")

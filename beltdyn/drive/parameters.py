@@ -17,21 +17,6 @@ from ..base.naming import index_of
 from .params import Params
 from .rules import Rule
 
-__all__ = [
-    "Path",
-    "PulleyName",
-    "assign",
-    "changed",
-    "fields",
-    "numbers",
-    "overlap",
-    "parse",
-    "path_in",
-    "read",
-    "rule_of",
-    "with_indices",
-]
-
 
 class PulleyName(str):
     """The name of a pulley where an index could stand."""

@@ -16,9 +16,9 @@ import attrs
 
 from .. import _core
 from ..base.naming import as_name, names_of
-from .couplings import Coupling, TorsionalDamper, coupling_or_none
+from .couplings import Coupling, TorsionalDamper
 from .friction import Friction, law_or_none
-from .mounts import Mount, mount_or_none
+from .mounts import Mount
 from .rules import (
     Printable,
     Rule,
@@ -28,8 +28,6 @@ from .rules import (
     rules_of,
     with_choice,
 )
-
-__all__ = ["BELTS", "Belt", "Contact", "Drag", "Pulley", "as_pulleys"]
 
 _PRELOAD = Rule("belt", "preload", "POSITIVE", "N", "mean tension of the belt at rest")
 _CENTER = Rule("pulley", "center", "PAIR", "m", "position (x, y) of the axis")
@@ -173,8 +171,12 @@ class Pulley(Printable):
     )
     friction: Friction | None = attrs.field(default=None, validator=law_or_none("pulley.friction"))
     name: str | None = attrs.field(default=None, converter=as_name)
-    mount: Mount | None = attrs.field(default=None, validator=mount_or_none)
-    coupling: Coupling | None = attrs.field(default=None, validator=coupling_or_none)
+    mount: Mount | None = attrs.field(
+        default=None, validator=instance_of("pulley.mount", Mount | None)
+    )
+    coupling: Coupling | None = attrs.field(
+        default=None, validator=instance_of("pulley.coupling", Coupling | None)
+    )
 
     @property
     def has_rim(self) -> bool:

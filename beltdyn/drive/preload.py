@@ -17,8 +17,6 @@ from .. import _core
 from ..base.stopping import stoppable
 from .tensioning import Tensioning
 
-__all__ = ["Info", "Rest", "Scene", "find_length", "find_length_in_place", "rest_tension", "solve"]
-
 #: The arguments of :class:`beltdyn._core.Model` but for the belt's length.
 Scene: TypeAlias = "tuple[Any, ...]"
 

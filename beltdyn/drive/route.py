@@ -13,8 +13,6 @@ from ..base.checks import Array
 from ..base.naming import label, names_of
 from .parts import Pulley, as_pulleys
 
-__all__ = ["Route", "route"]
-
 
 @attrs.frozen(kw_only=True, eq=False)
 class Route:

@@ -7,7 +7,7 @@ The table there is shared by the C core, which checks the numbers again, and the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import attrs
 
@@ -15,16 +15,6 @@ from .. import _core
 from ..base import checks
 from ..base.described import ruled
 from ..base.tables import columns
-
-__all__ = [
-    "Printable",
-    "Rule",
-    "from_table",
-    "instance_of",
-    "numbers_of",
-    "rules_of",
-    "with_choice",
-]
 
 #: By name: wording, lower bound, whether it is excluded, upper bound.
 _RULES = {row[0]: row[1:] for row in _core.RULES}
@@ -73,7 +63,8 @@ class Rule(NamedTuple):
     @property
     def described(self) -> str:
         """Meaning, unit and bound."""
-        return f"{self.text} [{self.unit}], {self.wording}."
+        whole = f"{self.name} {self.text}" if self.text.startswith("of ") else self.text
+        return f"{whole} [{self.unit}], {self.wording}."
 
     def quantity(self, value: Any) -> str:
         """Write a value with its unit."""
@@ -99,12 +90,15 @@ def numbers_of(group: str, part: object, **others: float) -> tuple[Any, ...]:
     return tuple(int(value or 0) if isinstance(value, bool | None) else value for value in values)
 
 
-def instance_of(name: str, kind: type) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
-    """Return the validator of a field that holds a part of a drive."""
+def instance_of(name: str, kinds: Any) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
+    """Return the validator of a field that holds a part of a drive, of one of these kinds."""
+    names = [one.__name__ for one in get_args(kinds) or (kinds,)]
+    *first, last = [f"{'an' if one[0] in 'AEIO' else 'a'} {one}" for one in names]
+    words = f"{', '.join(first)} or None" if first else last
 
     def check(_self: Any, _field: attrs.Attribute[Any], value: Any) -> None:
-        if not isinstance(value, kind):
-            raise TypeError(f"{name} must be a {kind.__name__}, got {type(value).__name__}")
+        if not isinstance(value, kinds):
+            raise TypeError(f"{name} must be {words}, got {type(value).__name__}")
 
     return check
 

@@ -17,23 +17,10 @@ from ..base.checks import Array
 from ..base.rounding import percent
 from ..base.run_warnings import RunWarning
 from . import cells, compliance
-from .compliance import Drive
+from .drive import Drive
 from .friction import Friction
 from .preload import solve
 from .rules import rules_of
-
-__all__ = [
-    "check",
-    "describe_mesh",
-    "links",
-    "mesh_error",
-    "mesh_loss",
-    "mesh_share",
-    "of_mesh",
-    "shaken",
-    "shaking_seen",
-    "units",
-]
 
 # --- accuracy and plausibility of the drive ---
 
@@ -198,7 +185,7 @@ def _stiff_enough(params: Drive, allowed: Array) -> float:
 
     def share(linear: float) -> float:
         contact = attrs.evolve(params.contact, linear=linear)
-        stiffer: Drive = attrs.evolve(params, contact=contact)  # type: ignore[misc]
+        stiffer = attrs.evolve(params, contact=contact)
         return float(np.min(allowed / compliance.compliance(stiffer).depth[:, 0]))
 
     pull = params.info["strain_tension"] * (1.0 + params.info["strain"])
@@ -325,32 +312,27 @@ def _preload(params: Drive) -> float:
 
 
 def _of_units(params: Drive) -> Iterator[RunWarning]:
-    belt, tension = params.belt, _preload(params)
-    large = max(range(len(params.pulleys)), key=lambda k: params.pulleys[k].radius)
-    radius = params.pulleys[large].radius
-    light = min(
-        range(len(params.pulleys)),
-        key=lambda k: params.pulleys[k].inertia / params.pulleys[k].radius ** 4,
-    )
-    pulley = params.pulleys[light]
-    if radius > RADIUS:
+    belt, tension, radii = params.belt, _preload(params), params._radii
+    inertias = np.array([pulley.inertia for pulley in params.pulleys])
+    large, light = int(np.argmax(radii)), int(np.argmin(inertias / radii**4))
+    thickness = inertias[light] / (DISC * radii[light] ** 4)
+    if radii[large] > RADIUS:
         yield units(
-            f"{params.label(large)} has a radius of {radius:.4g} m: are lengths in mm?",
+            f"{params.label(large)} has a radius of {radii[large]:.4g} m: are lengths in mm?",
             params.label(large),
         )
-    elif pulley.inertia < DISC * pulley.radius**4:
-        thickness = pulley.inertia / (DISC * pulley.radius**4)
+    elif thickness < 1.0:
         yield units(
-            f"with {pulley.inertia:.3g} kg m^2 at a radius of {pulley.radius:.4g} m "
+            f"with {inertias[light]:.3g} kg m^2 at a radius of {radii[light]:.4g} m "
             f"{params.label(light)} is as light as a disc of water {thickness:.2g} um thick: "
             "are lengths in mm?",
             params.label(light),
         )
-    slowest = [pulley.inertia / (2.0 * tension * pulley.radius**2) for pulley in params.pulleys]
+    slowest = inertias / (2.0 * tension * radii**2)
     heavy = int(np.argmax(slowest))
     if HEAVY[0] < slowest[heavy] < HEAVY[1]:
         yield units(
-            f"{params.label(heavy)} has {params.pulleys[heavy].inertia:.3g} kg m^2, to which all "
+            f"{params.label(heavy)} has {inertias[heavy]:.3g} kg m^2, to which all "
             f"that a belt of {tension:.4g} N transmits gives 1 m/s in {slowest[heavy]:.3g} s: is "
             "it in kg mm^2? (To hold a speed, prescribe the motion.)",
             params.label(heavy),

@@ -16,8 +16,6 @@ from ..loads.torques import Torque, TorqueLike, TorqueSum, as_terms
 from . import toml
 from .params import FIELDS, Params
 
-__all__ = ["Scene", "first_speeds"]
-
 
 class Scene(NamedTuple):
     """A drive, its loads and how long to run.

@@ -13,8 +13,6 @@ import numpy as np
 
 from .parts import Belt
 
-__all__ = ["Span"]
-
 
 @attrs.frozen(eq=False)
 class Span:

@@ -12,8 +12,6 @@ from numpy.typing import ArrayLike
 from ..base import naming
 from ..base.checks import flag, integer, one_of, pair, positive, real, shown
 
-__all__ = ["Offsets", "Tensioning"]
-
 Pair: TypeAlias = tuple[float, float]
 #: By index; or (pulley, offset), until the drive is known whose pulleys are named.
 Offsets: TypeAlias = tuple[Pair, ...] | tuple[tuple[int | str, Pair], ...]

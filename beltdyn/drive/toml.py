@@ -30,8 +30,6 @@ from .friction import LAWS, Friction, Frictionless
 from .mounts import Mount, Stops
 from .tensioning import Offsets
 
-__all__ = ["SCENE_ONLY", "FileMotion", "read", "structure", "unstructure", "write"]
-
 _T = TypeVar("_T")
 
 _FRICTION: dict[str, type] = {Frictionless.law: Frictionless, **LAWS}

@@ -13,8 +13,6 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-__all__ = ["CallbackErrors"]
-
 _lock = threading.Lock()
 #: By thread, the innermost last; other reports go to the hook that was there before.
 _watching: dict[int, list[CallbackErrors]] = {}

@@ -18,17 +18,6 @@ from ..base.checks import Array, pair, real, shown
 from ..base.naming import PulleyLike, index_of, label
 from .torques import EQUAL, PiecewiseLinear, Torque, as_row, named
 
-__all__ = [
-    "Harmonics",
-    "Load",
-    "Motor",
-    "Ramp",
-    "SpeedTable",
-    "Step",
-    "harmonic_fields",
-    "interval",
-]
-
 
 def _resisting(value: float, name: str = "value") -> float:
     number = real(name, value)

@@ -17,17 +17,6 @@ from ..base.optional import scipy_module
 from .loads import harmonic_fields, interval
 from .torques import EQUAL, PiecewiseLinear, Torque, as_row, named
 
-__all__ = [
-    "AngleTable",
-    "CrankMotion",
-    "Motion",
-    "MotionLike",
-    "as_motions",
-    "described",
-    "in_core",
-    "motion_terms",
-]
-
 #: A motion; a :class:`PiecewiseLinear` with one value per time or a function is a speed.
 MotionLike: TypeAlias = (
     "Motion | CrankMotion | AngleTable | PiecewiseLinear | Callable[[float], float]"

@@ -21,19 +21,6 @@ from ..base.checks import Array, real, real_array, refuse_masked
 from ..base.described import ruled
 from ..base.naming import PulleyLike, as_pulley, index_of, label, names_of
 
-__all__ = [
-    "EQUAL",
-    "PiecewiseLinear",
-    "Torque",
-    "TorqueLike",
-    "TorqueSum",
-    "Viscous",
-    "as_row",
-    "as_terms",
-    "named",
-    "on_pulley",
-]
-
 #: A torque object, ``f(t, theta, omega) -> n_p values``, or a compiled C function.
 TorqueLike: TypeAlias = "Torque | Callable[[float, Array, Array], ArrayLike] | Any"
 

@@ -237,7 +237,7 @@ def frequency_response(
         names = [params.pulley_names[k] for k in params.mounted]
     else:
         names = [
-            span_name(k, params.pulley_names, f"span {k}") if output == "span_tension" else name
+            span_name(k, params.pulley_names, "span {}") if output == "span_tension" else name
             for k, name in enumerate(params.pulley_names)
         ]
         chosen = chosen if which is None else pulley_indices(which, params.pulley_names)

@@ -195,7 +195,7 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
             "how a slack span becomes tight again may depend on very small differences, so "
             "the error is unknown",
             t=first,
-            where=f"span {span_name(k, params.pulley_names, unnamed=str(k))}",
+            where=f"span {span_name(k, params.pulley_names, '{}')}",
             accuracy=True,
         )
 
@@ -209,7 +209,7 @@ def _near_limits(result: Result) -> Iterator[RunWarning]:
     flow = result.belt.flow if has("belt.flow") else None
     deflection = result.spans.deflection if has("spans.deflection") else None
     for code, text, row, k in cells.seen(params, tension, flow, deflection):
-        name = span_name(k, params.pulley_names, unnamed=str(k))
+        name = span_name(k, params.pulley_names, "{}")
         yield RunWarning(
             code=code,
             text=f'span {name} {text}; Belt(mesh="joint") describes it',

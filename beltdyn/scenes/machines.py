@@ -14,8 +14,6 @@ from ..drive.parameters import changed
 from ..drive.scene import Scene
 from ..loads.torques import PiecewiseLinear
 
-__all__ = ["SCENES"]
-
 _FOLDER = Path(__file__).with_name("drives")
 
 

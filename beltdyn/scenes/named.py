@@ -10,8 +10,6 @@ from ..drive.scene import Scene
 from .hard_scenes import SCENES as hard
 from .machines import SCENES
 
-__all__ = ["describe", "find", "get", "names"]
-
 
 def names() -> tuple[str, ...]:
     """List the names :func:`get` knows."""

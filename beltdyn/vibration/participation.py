@@ -192,7 +192,7 @@ def _name(linear: Linear, vector: Complex, where: Sections, shares: Participatio
     parts: list[tuple[float, str]] = [(float(shares.belt[k]), "belt along itself")]
     for span, share in enumerate(shares.spans[k]):
         if share > SECOND / len(params.pulleys):
-            between = span_name(span, params.pulley_names, f"span {span}")
+            between = span_name(span, params.pulley_names, "span {}")
             parts.append((float(share), f"{_span(between)}, {_order(linear, vector, where, span)}"))
     parts.append((float(shares.pulleys[k].sum()), _rotation(params, linear, vector, shares, k)))
     for m, share in enumerate(shares.mounts[k]):

@@ -16,24 +16,9 @@ from ...drive.scene import Scene
 from ...loads.loads import Load, Ramp
 from ...loads.torques import PiecewiseLinear, TorqueLike
 
-__all__ = [
-    "LOCKED",
-    "NOTHING",
-    "beside",
-    "pair",
-    "pulled",
-    "pulling",
-    "ramp",
-    "scaled",
-    "tensioned",
-]
-
 
 def pair(changes: Mapping[str, Any] | None = None) -> Params:
-    """Two equal pulleys and a belt of 300 N without bending stiffness, round in 1.1 ms for a wave.
-
-    It slips in full at 26 N m, where its spans carry 79 and 521 N.
-    """
+    """Return two equal pulleys with a belt of 300 N without bending; it slips in full at 26 N m."""
     params = Params(
         belt=Belt(
             preload=300.0, n_bodies=60, linear_density=0.1, axial_stiffness=60e3, axial_damping=2.0

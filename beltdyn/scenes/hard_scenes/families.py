@@ -34,8 +34,6 @@ from ..machines import crossed_belt
 from .drives import LOCKED, NOTHING, beside, pair, pulled, pulling, ramp, scaled, tensioned
 from .hard_scene import HardScene
 
-__all__ = ["MAKE", "START"]
-
 
 def _run_up(changes: Mapping[str, Any], t_end: float = 0.03) -> Scene:
     return Scene(pair(changes), ramp(), t_end)

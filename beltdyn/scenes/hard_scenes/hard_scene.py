@@ -13,8 +13,6 @@ from ...outputs.state import State
 from ...result.result import Result
 from ...run.simulation import simulate
 
-__all__ = ["HardScene"]
-
 
 class HardScene(Scene):
     """A scene made to break an integrator, as ``bd.scenes.hard`` has them.

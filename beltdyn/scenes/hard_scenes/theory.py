@@ -19,26 +19,6 @@ from ...result.result import Result
 from .drives import pair, pulling
 from .hard_scene import HardScene
 
-__all__ = [
-    "as_in_metres",
-    "at_rest",
-    "balance",
-    "capstan",
-    "centrifugal",
-    "dahl_curve",
-    "dragged",
-    "energy_falls",
-    "free_spin_up",
-    "friction_limit",
-    "held_by_drag",
-    "idler_load",
-    "momentum",
-    "rebound",
-    "statics",
-    "string_frequency",
-    "symmetric",
-]
-
 #: Of the links of 15 mm on pulleys of 60 mm, 2.4 % of whose tension is the mesh's (print(params)).
 MESH = 0.03
 
@@ -64,10 +44,7 @@ def free_spin_up(scene: HardScene, result: Result) -> float:
 
 
 def at_rest(scene: HardScene, result: Result) -> float:
-    """Check that nothing moves but by what is left of settling, a thousand times 1e-9 of T.
-
-    An unbalanced force F moves a belt, whose impedance is sqrt(EA rho A), at F over it.
-    """
+    """Check that speeds are below F / sqrt(EA rho A), F what is left of settling, 1e-6 of T."""
     belt = scene.params.belt
     speed = float(np.max(np.abs([result.belt.vx, result.belt.vy])))
     tension = float(np.mean(result.joints.force[0]))
@@ -75,10 +52,7 @@ def at_rest(scene: HardScene, result: Result) -> float:
 
 
 def dahl_curve(scene: HardScene, result: Result) -> float:
-    """Check that links which slip one way have mu_k (1 - exp(-sigma x / mu_k)).
-
-    A thousandth of mu_k is ten times the accuracy asked for.
-    """
+    """Check that links which slip one way have mu_k (1 - exp(-sigma x / mu_k)), to 1e-3 mu_k."""
     law = cast(Dahl, scene.params.friction)
     mu, slip = np.abs(result.contact.mu), np.abs(result.contact.slip)
     curve = -law.mu_k * np.expm1(-law.sigma * slip / law.mu_k)
@@ -99,10 +73,7 @@ def statics(scene: HardScene, result: Result) -> float:
 
 
 def capstan(scene: HardScene, result: Result) -> float:
-    """Check Euler and Eytelwein: in full slip ln(T_1 / T_2) = mu theta.
-
-    T - rho A v^2 stands in the place of T where the belt runs.
-    """
+    """Check ln(T_1 / T_2) = mu theta in full slip, of T - rho A v^2 where the belt runs."""
     part = _last(result)
     belt, law = scene.params.belt, cast(Dahl, scene.params.friction)
     v = np.mean(np.hypot(result.belt.vx[part], result.belt.vy[part]))
@@ -184,10 +155,7 @@ def held_by_drag(scene: HardScene, result: Result) -> float:
 
 
 def idler_load(scene: HardScene, result: Result) -> float:
-    """Check the load that a belt puts on pulley 1, an idler which it turns round: 2 T sin(theta/2).
-
-    Means over the last half, T that of the spans on both sides.
-    """
+    """Check that the belt loads pulley 1, which it turns round, with 2 T sin(theta / 2)."""
     part = _last(result, 0.5)
     load = np.hypot(*np.mean(result.pulleys.load[part, 1], axis=0))
     tension = float(np.mean(result.span_tension[part, :2]))
