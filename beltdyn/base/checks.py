@@ -185,6 +185,11 @@ def real_array(
     return np.ndarray(array.shape, np.float64, array.tobytes())
 
 
+def first_of(wrong: NDArray[np.bool_]) -> int | None:
+    """Return the index of the first that is True."""
+    return int(np.argmax(wrong)) if wrong.any() else None
+
+
 def sample_times(name: str, value: Any, start: float, end: float) -> Array:
     """Check non-decreasing times within a run (n_t,) [s]."""
     if isinstance(value, numbers.Real):
@@ -194,8 +199,7 @@ def sample_times(name: str, value: Any, start: float, end: float) -> Array:
             f"np.linspace({start:g}, {end:g}, {count}), got {shown(value)}"
         )
     times = real_array(name, value, ndim=1)
-    if (np.diff(times) < 0.0).any():
-        k = int(np.argmax(np.diff(times) < 0.0))
+    if (k := first_of(np.diff(times) < 0.0)) is not None:
         raise ValueError(
             f"{name} must be non-decreasing, got {times[k]:g} s before {times[k + 1]:g} s"
         )

@@ -109,7 +109,7 @@ class Drive:
         if self.belt.length is not None:
             return self.belt.length
         try:
-            return preload.first_length(*self._in_place, self._preload).length
+            return preload.first_length(*self._in_place, self._preload)
         except ValueError as error:
             if self.belt.preload is not None:
                 raise
@@ -149,7 +149,7 @@ class Drive:
             line = self._in_place[1]
             length = preload.find_length_in_place(self._scene, line, self._preload, self.tensioning)
         elif length is None:
-            length = preload.find_length(*self._in_place, self._preload, self.tensioning).length
+            length = preload.find_length(*self._in_place, self._preload, self.tensioning)
         return preload.model_of(self._scene, length)
 
     @functools.cached_property

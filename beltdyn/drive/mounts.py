@@ -15,7 +15,7 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..base.checks import Array, pair, real_array
+from ..base.checks import Array, real_array
 from .rules import Printable, Rule, from_table, numbers_of, rules_of
 
 Stops: TypeAlias = tuple[float, float] | None
@@ -66,22 +66,17 @@ class MountKind(NamedTuple):
         return f"{factor * travel:.4g} {unit}"
 
 
-def _pair(group: str, name: str, unit: str, text: str) -> Rule:
-    return Rule(group, name, "PAIR", unit, text)
-
-
-_UNLOADED = "travel at which the spring is unloaded"
-_HELD = "tension of the belt that it holds in the place of the drive"
-_STOPS = "lowest and highest travel"
-_PIVOT = _pair("arm", "pivot", "m", "about which it turns")
-_DIRECTION = _pair("slider", "direction", "1", "of its travel")
+_PIVOT = Rule("arm", "pivot", "PAIR", "m", "about which it turns")
+_DIRECTION = Rule("slider", "direction", "PAIR", "1", "of its travel")
 
 
 def _stops_of(group: str, unit: str) -> dict[str, Any]:
+    rule = Rule(group, "stops", "PAIR", unit, "lowest and highest travel")
+
     def converter(value: Sequence[float] | None) -> Stops:
         if value is None:
             return None
-        low, high = pair(f"{group}.stops", value, unit)
+        low, high = rule.check(value)
         if not low < high:
             raise ValueError(
                 f"{group}.stops must be (lowest, highest) with lowest < highest ({unit}), "
@@ -89,13 +84,14 @@ def _stops_of(group: str, unit: str) -> dict[str, Any]:
             )
         return low, high
 
-    return {"converter": converter, "metadata": {"rule": _pair(group, "stops", unit, _STOPS)}}
+    return {"converter": converter, "metadata": {"rule": rule}}
 
 
 def _preloads_of(group: str, free: str, unit: str) -> tuple[Rule, Rule]:
     """Return the rules of what a preload may follow from."""
-    held = Rule(group, "tension", "POSITIVE", "N", _HELD)
-    return held, Rule(group, free, "FINITE", unit, _UNLOADED)
+    held = "tension of the belt that it holds in the place of the drive"
+    unloaded = Rule(group, free, "FINITE", unit, "travel at which the spring is unloaded")
+    return Rule(group, "tension", "POSITIVE", "N", held), unloaded
 
 
 class Sprung(Printable):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -34,13 +34,6 @@ MOST = 16
 _SLACK, _MOST_STRAIN = 1e-9, _core.MAX_STRAIN * (1.0 - 1e-9)
 #: Wall time between two looks for Ctrl-C [s].
 _CHUNK = 0.1
-
-
-class Rest(NamedTuple):
-    """A belt at rest: its stress-free length [m] and its mean tension [N]."""
-
-    length: float
-    tension: float
 
 
 def model_of(scene: Scene, length: float) -> _core.Model:
@@ -79,7 +72,7 @@ def _closed_form(scene: Scene, length: float) -> float:
 
 
 @functools.lru_cache(maxsize=256)
-def first_length(scene: Scene, line: float, preload: float) -> Rest:
+def first_length(scene: Scene, line: float, preload: float) -> float:
     """Find a length by the core's closed form, without settling."""
     stiffness = scene[0][2]
 
@@ -105,21 +98,22 @@ def first_length(scene: Scene, line: float, preload: float) -> Rest:
             f"belt.preload is too small: {preload:.6g} N, but {why[0]} alone tension the belt to "
             f"{least:.4g} N: {why[1]}"
         )
-    strain, found = solve(
+    strain, _ = solve(
         tension, preload, preload / stiffness, stiffness, (_SLACK, _MOST_STRAIN), 1e-12, 60
     )
-    rest = Rest(line / (1.0 + strain), found)
-    model_of(scene, rest.length).check_geometry()
-    return rest
+    model_of(scene, line / (1.0 + strain)).check_geometry()
+    return line / (1.0 + strain)
 
 
 @functools.lru_cache(maxsize=256)
-def find_length(scene: Scene, line: float, preload: float, tensioning: Tensioning) -> Rest:
+def find_length(scene: Scene, line: float, preload: float, tensioning: Tensioning) -> float:
     """Find the length whose settled belt has a given tension."""
     first = first_length(scene, line, preload)
-    start = line / first.length - 1.0
+    start = line / first - 1.0
     nearby = 1e-3 * start
-    slope = (_closed_form(scene, line / (1.0 + start + nearby)) - first.tension) / nearby
+    slope = (
+        _closed_form(scene, line / (1.0 + start + nearby)) - _closed_form(scene, first)
+    ) / nearby
     settled: list[tuple[float, float]] = []
 
     def tension(strain: float) -> float:
@@ -140,13 +134,13 @@ def find_length(scene: Scene, line: float, preload: float, tensioning: Tensionin
             "as a polygon, whose tension jumps, or the belt's weight tensions its spans: take more "
             f"than {scene[0][0]} links, or more preload"
         )
-    return Rest(line / (1.0 + strain), found)
+    return line / (1.0 + strain)
 
 
 @functools.lru_cache(maxsize=256)
 def find_length_in_place(scene: Scene, line: float, held: float, tensioning: Tensioning) -> float:
     """Find the length with which mounts settle in the places of the drive, several about there."""
-    start = line / first_length(in_place(scene), line, held).length - 1.0
+    start = line / first_length(in_place(scene), line, held) - 1.0
     radii, outside = scene[2], scene[10]
 
     def shorter(strain: float) -> float:

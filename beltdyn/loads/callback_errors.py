@@ -10,7 +10,6 @@ from __future__ import annotations
 import sys
 import threading
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 _lock = threading.Lock()
@@ -52,12 +51,7 @@ class CallbackErrors:
             _watching.setdefault(threading.get_ident(), []).append(self)
         return self
 
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         with _lock:
             mine = _watching[threading.get_ident()]
             mine.remove(self)

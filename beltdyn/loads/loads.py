@@ -14,7 +14,7 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..base.checks import Array, pair, real, shown
+from ..base.checks import Array, first_of, pair, real, shown
 from ..base.naming import PulleyLike, index_of, label
 from .torques import EQUAL, PiecewiseLinear, Torque, as_row, named
 
@@ -65,8 +65,7 @@ def harmonic_fields(owner: Any) -> None:
         object.__setattr__(owner, "phases", as_row(np.zeros(n)))
     if n == 0:
         raise ValueError(f"{name}.orders must hold at least one order")
-    if (owner.orders <= 0.0).any():
-        k = int(np.argmax(owner.orders <= 0.0))
+    if (k := first_of(owner.orders <= 0.0)) is not None:
         raise ValueError(f"{name}.orders must be > 0, got {owner.orders[k]:g} at [{k}]")
     for field in ("amplitudes", "phases"):
         if getattr(owner, field).size != n:
@@ -130,8 +129,7 @@ class _OverSpeed(_OnOnePulley):
                 f"{name}.torque must have one value for each of the {omega.size} speed(s), "
                 f"got {torque.size}"
             )
-        if (np.diff(omega) <= 0.0).any():
-            k = int(np.argmax(np.diff(omega) <= 0.0))
+        if (k := first_of(np.diff(omega) <= 0.0)) is not None:
             raise ValueError(
                 f"{name}.omega must be increasing, got {omega[k]:g} rad/s before {omega[k + 1]:g}"
             )
@@ -221,8 +219,7 @@ class SpeedTable(_OverSpeed):
         if self.omega.size == 0:
             raise ValueError("SpeedTable.omega must hold at least one speed")
         for name, values in (("omega", self.omega), ("torque", self.torque)):
-            if (values < 0.0).any():
-                k = int(np.argmax(values < 0.0))
+            if (k := first_of(values < 0.0)) is not None:
                 raise ValueError(
                     f"SpeedTable.{name} must be >= 0, for the table holds magnitudes of torques "
                     f"against the rotation, got {values[k]:g} at [{k}]"

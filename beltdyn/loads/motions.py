@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 
 from .. import _core
-from ..base.checks import Array, positive, real, shown
+from ..base.checks import Array, first_of, positive, real, shown
 from ..base.naming import ByPulley, by_index, key
 from ..base.optional import scipy_module
 from .loads import harmonic_fields, interval
@@ -185,8 +185,7 @@ def _check_speed(name: str, value: object) -> None:
             raise ValueError(
                 f"{name} must have one value per time, got values of shape {value.values.shape}"
             )
-        if (np.diff(value.t) == 0.0).any():
-            k = int(np.argmax(np.diff(value.t) == 0.0))
+        if (k := first_of(np.diff(value.t) == 0.0)) is not None:
             raise ValueError(
                 f"{name} must not jump, for a pulley's speed cannot: it holds the time "
                 f"{value.t[k]:g} s twice"

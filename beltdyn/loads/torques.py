@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import _core
-from ..base.checks import Array, real, real_array, refuse_masked
+from ..base.checks import Array, first_of, real, real_array, refuse_masked
 from ..base.described import ruled
 from ..base.naming import PulleyLike, as_pulley, index_of, label, names_of
 
@@ -117,11 +117,13 @@ class Torque:
         """Return this torque times a number, where all of it is in proportion to some fields."""
         if isinstance(factor, bool) or not isinstance(factor, numbers.Real):
             return NotImplemented
+        return self._scaled(float(factor))
+
+    def _scaled(self, factor: float) -> Self:
         if not self._in_proportion:
             raise TypeError(f"{type(self).__name__} cannot be multiplied by a number")
         owner: Any = self
-        times = float(factor)
-        scaled = {name: times * getattr(self, name) for name in self._in_proportion}
+        scaled = {name: factor * getattr(self, name) for name in self._in_proportion}
         multiplied: Self = attrs.evolve(owner, **scaled)
         return multiplied
 
@@ -176,11 +178,9 @@ def _times(value: ArrayLike, name: str = "t") -> Array:
     t = real_array(name, value, ndim=1)
     if t.size == 0:
         raise ValueError(f"{name} must hold at least one time")
-    if (np.diff(t) < 0.0).any():
-        k = int(np.argmax(np.diff(t) < 0.0))
+    if (k := first_of(np.diff(t) < 0.0)) is not None:
         raise ValueError(f"{name} must be non-decreasing, got {t[k]:g} s before {t[k + 1]:g} s")
-    if (t[2:] == t[:-2]).any():
-        k = int(np.argmax(t[2:] == t[:-2]))
+    if (k := first_of(t[2:] == t[:-2])) is not None:
         raise ValueError(
             f"{name} must hold a time at most twice (a jump), got {t[k]:g} s three times"
         )
@@ -195,13 +195,6 @@ def _values(value: ArrayLike, name: str = "values") -> Array:
         of_one_pulley = False
     values = real_array(name, value, ndim=1 if of_one_pulley else 2)
     return values[:, None] if of_one_pulley else values
-
-
-def on_pulley(index: int, torque: ArrayLike, n_pulleys: int) -> Array:
-    """Return a torque on one pulley as torques on all, (..., n_p)."""
-    out = np.zeros((*np.shape(torque), n_pulleys))
-    out[..., index] = torque
-    return out
 
 
 @attrs.frozen(repr=False, field_transformer=named)
@@ -248,8 +241,9 @@ class PiecewiseLinear(Torque):
     def _core_terms(self, pulleys: Sequence[str], path: str) -> list[_core.TorqueTerm]:
         if self.pulley is None:
             return [("piecewise", self.t, self.values)]
-        index = index_of(f"{path}.pulley", self.pulley, pulleys)
-        return [("piecewise", self.t, on_pulley(index, self.values[:, 0], len(pulleys)))]
+        on_all = np.zeros((self.t.size, len(pulleys)))
+        on_all[:, index_of(f"{path}.pulley", self.pulley, pulleys)] = self.values[:, 0]
+        return [("piecewise", self.t, on_all)]
 
     def at(self, t: float) -> Array:
         """Interpolate the rows of ``values``; at a jump the row after it."""
@@ -332,12 +326,8 @@ class TorqueSum(Torque):
 
     parts: tuple[Torque, ...] = attrs.field(converter=_summands)
 
-    def __mul__(self, factor: object) -> TorqueSum:
-        if isinstance(factor, bool) or not isinstance(factor, numbers.Real):
-            return NotImplemented
+    def _scaled(self, factor: float) -> TorqueSum:
         return TorqueSum([part * factor for part in self.parts])
-
-    __rmul__ = __mul__
 
     @property
     def n_pulleys(self) -> int | None:
