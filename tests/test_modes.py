@@ -140,9 +140,8 @@ def test_a_mode_that_the_search_misses_is_counted(monkeypatch: pytest.MonkeyPatc
         bd.modes(params, state, count=True)
 
     def losing(*args: Any) -> Any:
-        (values, vectors), *rest = search(*args)
-        keep = np.arange(len(values)) != 3
-        return (values[keep], vectors[:, keep]), *rest
+        found, *rest = search(*args)
+        return found.of(np.arange(len(found.values)) != 3), *rest
 
     monkeypatch.setattr(sys.modules["beltdyn.vibration.modes"], "search", losing)
     with pytest.warns(bd.BeltdynWarning, match=r"modes_missing: (\d+) .* counted"):

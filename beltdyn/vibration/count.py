@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from ..base.optional import scipy_module
 from .linearised import Linear, scipy_sparse
 
 __all__ = ["count", "counted"]
@@ -30,10 +31,9 @@ QUARTER, STEPS, MOST = 0.5 * np.pi, (50, 150), 5000
 
 def counted(linear: Linear, found: int, low: float, high: float, damping: float) -> int | None:
     """Count as :func:`count` does, until it is the number found or steps are shortest."""
-    seen = None
     for steps in STEPS:
         seen = count(linear, low, high, damping, steps)
-        if seen is not None and seen == found:
+        if seen == found:
             break
     return seen
 
@@ -51,9 +51,7 @@ def count(linear: Linear, low: float, high: float, damping: float, steps: int) -
     for start, end in pairwise(corners):
         places = start + (end - start) * np.linspace(0.0, 1.0, steps + 1)
         values = [argument(np.exp(log_z)) for log_z in places]
-        waiting = list(
-            zip(places[:-1], values[:-1], places[1:], values[1:], strict=True),
-        )
+        waiting = list(zip(places[:-1], values[:-1], places[1:], values[1:], strict=True))
         points += steps
         while waiting:
             a, at_a, b, at_b = waiting.pop()
@@ -87,15 +85,10 @@ def _argument(linear: Linear, rate: float) -> Callable[[complex], float]:
 
 def _odd(permutation: Any) -> bool:
     """Whether a permutation is odd, as its length less the number of its cycles is."""
-    to = permutation.tolist()
-    seen, cycles = [False] * len(to), 0
-    for start in range(len(to)):
-        k = start
-        cycles += not seen[k]
-        while not seen[k]:
-            seen[k] = True
-            k = to[k]
-    return bool((len(to) - cycles) % 2)
+    n = len(permutation)
+    sparse, graphs = scipy_sparse()[0], scipy_module("sparse.csgraph", "counting modes")
+    to = sparse.csr_matrix((np.ones(n), permutation, np.arange(n + 1)), shape=(n, n))
+    return bool((n - graphs.connected_components(to, return_labels=False)) % 2)
 
 
 def _turn(angle: float) -> float:

@@ -15,13 +15,15 @@ tests compare with all eigenvalues of the dense matrix, and count.py counts them
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from ..base.checks import Array
 from ..drive.params import Params
 from .linearised import Complex, Linear, scipy_sparse
 
-__all__ = ["Found", "first_rate", "residuals", "search"]
+__all__ = ["Found", "disc", "first_rate", "residuals", "search"]
 
 #: Of a disc, against the distance of its centre from 0; and of the disc for real eigenvalues.
 RADIUS, DECAYS = 0.98, 0.95
@@ -34,8 +36,16 @@ LOWER, NEXT = 0.05, 1.6
 #: Eigenvalues of two discs that are one, against the rate.
 SAME = 1e-6
 
-#: Eigenvalues (n,), their vectors (size, n).
-Found = tuple[Complex, Complex]
+
+class Found(NamedTuple):
+    """Eigenvalues (n,), their vectors (size, n)."""
+
+    values: Complex
+    vectors: Complex
+
+    def of(self, which: Any) -> Found:
+        """Return some of them."""
+        return Found(self.values[which], self.vectors[:, which])
 
 
 def first_rate(params: Params) -> float:
@@ -80,10 +90,11 @@ class _Krylov:
         off = np.linalg.norm(self._h[m : m + BLOCK, m - BLOCK : m] @ y[-BLOCK:], axis=0)
         good = off < CONVERGED * abs(theta)
         vectors = np.hstack(self._blocks[:-1]) @ y[:, good]
-        return (self.shift + 1.0 / theta[good], self.size[:, None] * vectors), bool(good.all())
+        found = Found(self.shift + 1.0 / theta[good], self.size[:, None] * vectors)
+        return found, bool(good.all())
 
 
-def _disc(linear: Linear, shift: complex, radius: float) -> tuple[Found, bool]:
+def disc(linear: Linear, shift: complex, radius: float) -> tuple[Found, bool]:
     """Return the eigenvalues in the disc round a shift that have converged; whether that is all."""
     most = min(MOST, linear.size) // BLOCK - 1
     space, blocks = _Krylov(linear, shift), min(BLOCKS, most)
@@ -93,9 +104,8 @@ def _disc(linear: Linear, shift: complex, radius: float) -> tuple[Found, bool]:
         more = min(blocks // 2, most - blocks)
         space.grow(more)
         blocks += more
-        before, (found, converged) = (len(found[0]), done), space.ritz(radius)
-        done = converged
-        if before == (len(found[0]), True) and done:
+        before, (found, done) = (found.values.size, done), space.ritz(radius)
+        if before == (found.values.size, True) and done:
             break
     return found, done
 
@@ -111,44 +121,36 @@ def search(
     centre = first_rate(linear.params)
     fastest = min(float(linear.params.info["spectral_bound"]), linear.trusted)
     lowest = LOWER * centre * (1.0 - RADIUS)
-    found, all_done = _disc(linear, 1j * LOWER * centre, RADIUS * LOWER * centre)
-    still, _ = _disc(linear, complex(-0.5 * centre), DECAYS * 0.5 * centre)
+    found, all_done = disc(linear, 1j * LOWER * centre, RADIUS * LOWER * centre)
+    still, _ = disc(linear, complex(-0.5 * centre), DECAYS * 0.5 * centre)
     while True:
-        more, done = _disc(linear, 1j * centre, RADIUS * centre)
+        more, done = disc(linear, 1j * centre, RADIUS * centre)
         all_done &= done
-        found = _joined(found, more, SAME * centre)
+        known = [(abs(found.values - one) < SAME * centre).any() for one in more.values]
+        more = more.of(~np.array(known, dtype=bool))  # those of both discs count once
+        found = Found(*(np.concatenate(both, axis=-1) for both in zip(found, more, strict=True)))
         highest = (1.0 + RADIUS) * centre
-        swings = np.flatnonzero(-found[0].real < damping * abs(found[0]))
-        if swings.size >= n or centre > fastest:
+        swings = -found.values.real < damping * abs(found.values)
+        if np.count_nonzero(swings) >= n or centre > fastest:
             break
         centre *= NEXT
-    rates = np.sort(abs(found[0][swings]))
+    rates = np.sort(abs(found.values[swings]))
     last = rates[min(n, rates.size) - 1] if rates.size else highest
-    order = np.argsort(abs(found[0]))
-    order = order[abs(found[0][order]) <= last]
-    real = np.flatnonzero(abs(still[0].imag) <= SAME * abs(still[0]))
-    real = real[np.argsort(abs(still[0][real]))]
+    found = found.of(np.argsort(abs(found.values)))
+    still = still.of(abs(still.values.imag) <= SAME * abs(still.values))
     return (
-        (found[0][order], found[1][:, order]),
-        (still[0][real], still[1][:, real]),
+        found.of(abs(found.values) <= last),
+        still.of(np.argsort(abs(still.values))),
         (lowest, highest),
         all_done,
     )
 
 
-def _joined(one: Found, other: Found, same: float) -> Found:
-    """Join two sets of eigenvalues; those in both count once."""
-    new = [k for k, value in enumerate(other[0]) if not (abs(one[0] - value) < same).any()]
-    return np.append(one[0], other[0][new]), np.hstack([one[1], other[1][:, new]])
-
-
 def residuals(linear: Linear, found: Found) -> Array:
     """|J x - lambda x| / |lambda x|, unknowns scaled as in vibrations of that frequency."""
-    values, vectors = found
-    out = np.empty(len(values))
-    for k, value in enumerate(values):
+    out = np.empty(found.values.size)
+    for k, (value, x) in enumerate(zip(found.values, found.vectors.T, strict=True)):
         size = linear.norms(abs(value))
-        x = vectors[:, k]
         rest = (linear.matrix @ x - value * x) / size
         out[k] = np.linalg.norm(rest) / (abs(value) * np.linalg.norm(x / size))
     return out

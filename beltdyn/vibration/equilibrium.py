@@ -13,14 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.params import Params
 from ..loads.torques import PiecewiseLinear, TorqueLike
 from ..outputs.state import State
 from ..result.errors import SimulationError
-from ..run.simulation import simulate
 from .linearised import masses, passing_of
+from .mesh_phases import after, at_their_speeds
 from .torque_slopes import torques_at
 
 __all__ = ["imbalance"]
@@ -40,18 +39,22 @@ def imbalance(
     core = state._to_core(params)
     passing = passing_of(params, core)
     held = tuple(range(len(params.pulleys))) if torque is None else prescribed
+    none = np.zeros(len(params.pulleys))
     if passing == 0.0:
-        given = (
-            np.zeros(len(params.pulleys)) if torque is None else torques_at(params, core, torque)
-        )
+        given = none if torque is None else torques_at(params, core, torque)
         rate = params._model.rate(core, given)
     else:
-        after = _after_a_passing(params, state, torque, held, 1.0 / abs(passing))
-        if after is None:
+        acts = PiecewiseLinear([0.0], none[None]) if torque is None else torque
+        motion = at_their_speeds(state, held)
+        try:
+            with silenced():
+                end = after(params, state, acts, motion, 1.0 / abs(passing), RTOL)
+        except SimulationError:
             return np.inf, "a run over the passing of a link fails; it"
+        passed = end._to_core(params)
         one = int(np.sign(passing))
         rate = {
-            name: (after[name] - (np.roll(core[name], -one) if name[0] == "v" else core[name]))
+            name: (passed[name] - (np.roll(core[name], -one) if name[0] == "v" else core[name]))
             * abs(passing)
             for name in ("vx", "vy", "omega", "travel_speed", "rim_speed")
         }
@@ -70,41 +73,19 @@ def _forces(
     else:
         what, left = "link", inertia["vx"] * np.hypot(rate["vx"], rate["vy"])
     worst = int(np.argmax(left))
-    out: list[tuple[float, str]] = [(float(left[worst]), f"{what} {worst}")]
+    out = [(float(left[worst]), f"{what} {worst}")]
+
+    def at(name: str, k: int, lever: float, where: str) -> None:
+        torque = abs(float(rate[name][k])) * inertia[name][k]
+        out.append((torque / lever, where))
+
     for k, pulley in enumerate(params.pulleys):
         if k not in held:
-            force = abs(float(rate["omega"][k])) * inertia["omega"][k] / pulley.radius
-            out.append((force, params.label(k)))
+            at("omega", k, pulley.radius, params.label(k))
     for c, k in enumerate(params.coupled):
-        torque = abs(float(rate["rim_speed"][c])) * inertia["rim_speed"][c]
-        out.append((torque / params.pulleys[k].radius, f"the rim of {params.label(k)}"))
+        at("rim_speed", c, params.pulleys[k].radius, f"the rim of {params.label(k)}")
     centers = params.centers(core["travel"]) if params.mounted else params.centers()
     for m, k, mount in params._moving:
         lever = float(np.hypot(*mount._direction(centers[k])))
-        torque = abs(float(rate["travel_speed"][m])) * inertia["travel_speed"][m]
-        force = torque / max(lever, 1e-12)
-        out.append((force, f"the mount of {params.label(k)}"))
+        at("travel_speed", m, max(lever, 1e-12), f"the mount of {params.label(k)}")
     return out
-
-
-def _after_a_passing(
-    params: Params, state: State, torque: TorqueLike | None, held: tuple[int, ...], time: float
-) -> dict[str, Array] | None:
-    motion: Any = {k: PiecewiseLinear([0.0], [float(state.omega[k])]) for k in held}
-    end = state.t + time
-    none = PiecewiseLinear([0.0], np.zeros((1, len(params.pulleys))))
-    try:
-        with silenced():
-            result = simulate(
-                params,
-                none if torque is None else torque,
-                end,
-                motion=motion,
-                initial=state,
-                rtol=RTOL,
-                t_eval=[end],
-                outputs=(),
-            )
-    except SimulationError:
-        return None
-    return result.final_state._to_core(params)

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .eigenvalues import SAME, Found, _disc
+from .eigenvalues import SAME, Found, disc
 from .linearised import Linear
 from .participation import steady_share
-from .turning import rigid_rates, turning_of
+from .turning import rigid_rates, without_turning
 
 __all__ = ["growing"]
 
@@ -30,29 +30,25 @@ def growing(
 
     Returns eigenvalues with a real part > 0 and an imaginary part >= 0 that are not in ``found``,
     fastest first; that of the drive turning as a whole if nothing but the mesh makes it grow (see
-    :func:`.turning.turning_of`); and whether all have converged.
+    :func:`.turning.without_turning`); and whether all have converged.
     """
     shift, done = max(band[0], 1e-6 * band[1]) / (1.0 - RADIUS), True
     values, vectors = np.empty(0, complex), np.empty((linear.size, 0), complex)
     while True:
-        more, converged = _disc(linear, complex(shift), RADIUS * shift)
+        more, converged = disc(linear, complex(shift), RADIUS * shift)
         done &= converged
-        for k, value in enumerate(more[0]):
+        for k, value in enumerate(more.values):
             near = SAME * abs(value)
-            known = (abs(values - value) < near).any() or (abs(found[0] - value) < near).any()
+            known = (abs(np.append(values, found.values) - value) < near).any()
             if value.imag > -near and not known:
                 values = np.append(values, value.real if abs(value.imag) < near else value)
-                vectors = np.hstack([vectors, more[1][:, [k]]])
+                vectors = np.hstack([vectors, more.vectors[:, [k]]])
         if shift * (1.0 + RADIUS) > band[1]:
             break
         shift *= NEXT
-    keep = np.flatnonzero(steady_share(linear, vectors) > STEADY)
-    keep = keep[np.argsort(-values[keep].real)]
-    values, vectors = values[keep], vectors[:, keep]
+    grows = Found(values, vectors).of(steady_share(linear, vectors) > STEADY)
+    grows = grows.of(np.argsort(-grows.values.real))
     turning = None
     if min(rigid_rates(linear)) >= 0.0:
-        own = turning_of(linear, values, vectors)
-        if own is not None:
-            turning = complex(values[own])
-            values, vectors = np.delete(values, own), np.delete(vectors, own, axis=1)
-    return (values, vectors), turning, done
+        grows, turning = without_turning(linear, grows)
+    return grows, turning, done

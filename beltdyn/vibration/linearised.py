@@ -19,6 +19,7 @@ an ALE belt, of which a is 0 and J is all.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import attrs
@@ -30,13 +31,16 @@ from ..base.checks import Array
 from ..base.optional import scipy_module
 from ..drive import cells
 from ..drive.params import Params
+from ..drive.route import route_at
 from ..outputs.spans import has_angles
 from ..outputs.state import State
 
 __all__ = [
+    "BEHIND",
     "LINK_FIELDS",
     "Complex",
     "Linear",
+    "derivative",
     "linearise",
     "masses",
     "passing_of",
@@ -52,6 +56,11 @@ _SPEEDS = [name for name, _, unit, _ in _core.STATE_FIELDS if "/s" in unit]
 #: Of which each link, or each state of friction of a link, has one.
 LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
 _SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
+#: Weights of neighbours in the derivative by the number of a link: second order against the run,
+#: and fourth order.
+BEHIND = {0: 1.5, -1: -2.0, -2: 0.5}
+_CENTRAL = {-2: 1.0 / 12.0, -1: -2.0 / 3.0, 1: 2.0 / 3.0, 2: -1.0 / 12.0}
+_BY_PLACE = {name: BEHIND if name == "mu" else _CENTRAL for name in LINK_FIELDS}
 
 
 def scipy_sparse() -> tuple[Any, Any]:
@@ -62,47 +71,62 @@ def scipy_sparse() -> tuple[Any, Any]:
 
 @attrs.frozen(kw_only=True, eq=False)
 class Linear:
-    """A drive for small motions about a state: d eta/dt = J eta.
-
-    Attributes:
-        params: The drive.
-        state: The state about which it is linearised, as the core takes it.
-        matrix: J, sparse (n, n), of the unknowns that are kept, in their units.
-        names: Field of each unknown (n,), of :class:`beltdyn.State`.
-        index: Its place in that field (n,).
-        unit: Size of each unknown that goes with a motion of the belt by 1 m; of velocities the
-            same a second.
-        passing: Links that pass a place per second, a; 0 at rest, and of cells [1/s].
-        speed: Speed of the belt in the order of its links [m/s], 0 at rest.
-        trusted: Angular frequency from which on the mesh lacks modes across spans [rad/s].
-        prescribed: Pulleys whose motion is prescribed, and paths of mounts are.
-        given: Columns of J of prescribed speeds, for what drives the rest: sparse (n, n_p), of
-            theta and of omega.
-        phase: Phase of the mesh of each unknown (n,), see :mod:`.mesh_phases`; None: there is one.
-        parts: The drive linearised at each phase; empty: there is one.
-        torque_slopes: Derivatives of the set torques, as :func:`linearise` takes them; None: they
-            are constant.
-    """
+    """A drive for small motions about a state: d eta/dt = J eta."""
 
     params: Params
+    #: About which it is linearised, as the core takes it.
     state: Mapping[str, Any]
+    #: J, sparse (n, n), of the unknowns that are kept, in their units.
     matrix: Any
+    #: Field of :class:`beltdyn.State` of each unknown (n,), and its place there.
     names: NDArray[np.str_]
     index: NDArray[np.intp]
+    #: Size of each that goes with a motion of the belt by 1 m; of velocities the same a second.
     unit: Array
+    #: Links that pass a place per second, a; 0 at rest, and of cells [1/s].
     passing: float
+    #: Of the belt in the order of its links [m/s], 0 at rest.
     speed: float
+    #: Angular frequency from which on the mesh lacks modes across spans [rad/s].
     trusted: float
+    #: Pulleys whose motion is prescribed, and paths of mounts are.
     prescribed: tuple[int, ...]
+    #: Columns of J of prescribed theta and omega, for what drives the rest: sparse (n, n_p).
     given: tuple[Any, Any]
+    #: Phase of the mesh of each unknown (n,), see :mod:`.mesh_phases`; None: there is one.
     phase: NDArray[np.intp] | None = None
+    #: The drive linearised at each phase; empty: there is one.
     parts: tuple[Linear, ...] = ()
+    #: Of the set torques, as :func:`linearise` takes them; None: they are constant.
     torque_slopes: tuple[Array, Array] | None = None
 
     @property
     def size(self) -> int:
         """Number of unknowns, n."""
         return int(self.names.size)
+
+    @property
+    def _centers(self) -> Array:
+        mounted = bool(self.params.mounted)
+        return np.asarray(self.params.centers(self.state["travel"] if mounted else None))
+
+    @cached_property
+    def ways(self) -> Array:
+        """Unit vectors along the spans (n_p, 2)."""
+        along = route_at(self.params.pulleys, self._centers)._ways
+        return np.asarray(along / np.hypot(*along.T)[:, None])
+
+    @cached_property
+    def spans(self) -> NDArray[np.intp]:
+        """Span in which each link is free (n_b,), -1 on pulleys."""
+        flows = bool(self.params._belt_facts["flows"])
+        seen = self.params._cells if flows else self.params._model.observe(self.state)["pulley"][0]
+        span, on = np.full(seen.size, -1), np.flatnonzero(seen >= 0)
+        free = (seen < 0) & (flows | (np.roll(seen, -1) < 0))
+        if on.size:  # behind the pulley that a link before it touches
+            before = np.searchsorted(on, np.arange(seen.size)) - 1
+            span[free] = seen[on[before]][free]
+        return span
 
     def rows(self, name: str) -> NDArray[np.intp]:
         """Return the indices of the unknowns of a field."""
@@ -164,15 +188,19 @@ def linearise(
     speed = speed_of(params, core) if places else 0.0
     # a state of friction that no slip changes belongs to a link that touches nothing
     sums = np.asarray(abs(jacobian).sum(axis=1)).ravel()
-    keep = ~((names == "mu") & (sums == 0.0))
+    keep = np.flatnonzero((names != "mu") | (sums != 0.0))
+    jacobian, names, index, unit = jacobian[:, keep][keep], names[keep], index[keep], unit[keep]
     if passing != 0.0:
-        jacobian = jacobian - passing * _derivative(params, names, index, keep, passing, sparse)
+        one = np.zeros(len(names), dtype=np.intp)
+        jacobian = jacobian - abs(passing) * derivative(
+            params, names, index, one, 1, passing, _BY_PLACE
+        )
     jacobian = jacobian.tocsc()
     fixed = np.isin(names, ["theta", "omega"]) & np.isin(index, prescribed)
     of_mounts = np.isin(names, ["travel", "travel_speed", "mount_friction"])
     fixed |= of_mounts & ~np.isin(index, [m for m, *_ in params._moving])
-    inner = np.flatnonzero(keep & ~fixed)
-    given = tuple(jacobian[:, np.flatnonzero(names == name)][inner] for name in ("theta", "omega"))
+    inner = np.flatnonzero(~fixed)
+    theta, omega = (jacobian[:, np.flatnonzero(names == of)][inner] for of in ("theta", "omega"))
     return Linear(
         params=params,
         state=core,
@@ -184,7 +212,7 @@ def linearise(
         speed=speed,
         trusted=cells.trusted(params, speed) if params._belt_facts["flows"] else np.inf,
         prescribed=prescribed,
-        given=(given[0], given[1]),
+        given=(theta, omega),
         torque_slopes=torque_slopes,
     )
 
@@ -206,18 +234,16 @@ def _jacobian(
 
 def _units(params: Params, names: Any, jacobian: Any) -> Array:
     """Sizes of the unknowns at a motion of the belt by 1 m, and of velocities by 1 m/s."""
-    info, unit = params.info, np.ones(len(names))
-    radii = params._radii
-    unit[np.isin(names, ["phi", "vphi"])] = 2.0 / float(info["link_length"])
-    for name in ("theta", "omega"):
-        unit[names == name] = 1.0 / radii
-    at, levers = params.centers(), np.ones(len(params.mounted))
+    unit, radii, at = np.ones(len(names)), params._radii, params.centers()
+    levers = np.ones(len(params.mounted))
     for m, k, mount in params._moving:
         levers[m] = np.hypot(*mount._direction(at[k]))
-    for name in ("travel", "travel_speed"):
-        unit[names == name] = 1.0 / levers
-    for name in ("rim_speed", "windup"):
-        unit[names == name] = 1.0 / radii[list(params.coupled)]
+    sizes: dict[str, Any] = dict.fromkeys(("phi", "vphi"), 2.0 / float(params.info["link_length"]))
+    sizes |= dict.fromkeys(("theta", "omega"), 1.0 / radii)
+    sizes |= dict.fromkeys(("travel", "travel_speed"), 1.0 / levers)
+    sizes |= dict.fromkeys(("rim_speed", "windup"), 1.0 / radii[list(params.coupled)])
+    for name, size in sizes.items():
+        unit[names == name] = size
     # states of friction: what a slip of 1 m makes of them as it begins
     rates = np.flatnonzero(np.isin(names, _SPEEDS))
     by_slip = abs(jacobian[:, rates]).multiply(unit[rates])
@@ -276,24 +302,27 @@ def passing_of(params: Params, core: Mapping[str, Any]) -> float:
     return passing if abs(passing) > slow else 0.0
 
 
-def _derivative(
-    params: Params, names: Any, index: Any, keep: Any, passing: float, sparse: Any
+def derivative(
+    params: Params,
+    names: Any,
+    index: Any,
+    phase: Any,
+    phases: int,
+    sense: float,
+    weights: Mapping[str, Mapping[int, float]],
 ) -> Any:
-    """D of the text at the head."""
-    n = params.n_bodies
-    central = {-2: 1.0 / 12.0, -1: -2.0 / 3.0, 1: 2.0 / 3.0, 2: -1.0 / 12.0}
-    behind = {0: 1.5, -1: -2.0, -2: 0.5}
-    against = behind if passing > 0.0 else {-k: -v for k, v in behind.items()}
-    keys = list(zip(names.tolist(), index.tolist(), strict=True))
+    """D of the text at the head by the phase in the run, of fields with ``weights`` of others."""
+    n, onward = params.n_bodies, 1 if sense > 0.0 else -1
+    keys = list(zip(names.tolist(), index.tolist(), phase.tolist(), strict=True))
     where = {key: row for row, key in enumerate(keys)}
     rows, columns, values = [], [], []
-    for row, (name, i) in enumerate(keys):
-        if name not in LINK_FIELDS or not keep[row]:
-            continue
-        for offset, value in (against if name == "mu" else central).items():
-            column = where[name, i // n * n + (i % n + offset) % n]
-            if keep[column]:
+    for row, (name, i, k) in enumerate(keys):
+        for offset, value in weights.get(name, {}).items():
+            passed, other = divmod(k + offset, phases)
+            link = i // n * n + (i % n + onward * passed) % n if name in LINK_FIELDS else i
+            column = where.get((name, link, other))
+            if column is not None:
                 rows.append(row)
                 columns.append(column)
                 values.append(value)
-    return sparse.csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))
+    return scipy_sparse()[0].csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))

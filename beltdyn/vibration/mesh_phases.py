@@ -17,6 +17,7 @@ passes the others too.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import attrs
@@ -28,18 +29,16 @@ from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, Visc
 from ..outputs.state import State
 from ..run.simulation import simulate
 from .eigenvalues import first_rate
-from .linearised import LINK_FIELDS, Linear, linearise, passing_of, scipy_sparse
+from .linearised import BEHIND, Linear, derivative, linearise, passing_of, scipy_sparse
 from .torque_slopes import balancing
 
-__all__ = ["linearise_over", "states_over"]
+__all__ = ["after", "at_their_speeds", "linearise_over", "states_over"]
 
 #: A belt at rest moves by a link in so many periods of its spans; the pulleys that are free are
 #: damped by this share of their inertia and the spans' rate meanwhile.
 PERIODS, DAMPING = 40.0, 0.03
 #: Of the runs from phase to phase.
 RTOL = 1e-6
-#: Second order against the run.
-_BEHIND = {0: 1.5, -1: -2.0, -2: 0.5}
 
 
 def states_over(
@@ -56,12 +55,10 @@ def states_over(
         held = balancing(params, core, prescribed)
         torque = PiecewiseLinear([0.0], held[None, :])
     if a != 0.0:
-        motion: Any = {k: PiecewiseLinear([0.0], [float(core["omega"][k])]) for k in prescribed}
+        motion: Any = at_their_speeds(state, prescribed)
         states, time = [state], 1.0 / (abs(a) * phases)
     else:
-        inertia = params.shaft_inertias
-        radii = params._radii
-        rate = first_rate(params)
+        inertia, radii, rate = params.shaft_inertias, params._radii, first_rate(params)
         turn = PERIODS * 2.0 * np.pi / rate
         speeds = params.route.senses * float(params.info["link_length"]) / (turn * radii)
         driven = prescribed or (int(np.argmax(inertia)),)
@@ -74,18 +71,31 @@ def states_over(
         resisting = Viscous(DAMPING * rate * inertia * free)
         torque = _sum(torque, resisting)
         time = turn / phases
-        states = [_after(params, state, torque, motion, 0.5 * turn)]
+        states = [after(params, state, torque, motion, 0.5 * turn)]
     while len(states) < phases:
-        states.append(_after(params, states[-1], torque, motion, time))
+        states.append(after(params, states[-1], torque, motion, time))
     return states if a != 0.0 else [_stopped(one) for one in states]
 
 
-def _after(params: Params, state: State, torque: TorqueLike, motion: Any, time: float) -> State:
+def after(
+    params: Params,
+    state: State,
+    torque: TorqueLike,
+    motion: Any,
+    time: float,
+    rtol: float = RTOL,
+) -> State:
+    """Return the state some time later."""
     end = state.t + time
     result = simulate(
-        params, torque, end, motion=motion, initial=state, rtol=RTOL, t_eval=[end], outputs=()
+        params, torque, end, motion=motion, initial=state, rtol=rtol, t_eval=[end], outputs=()
     )
     return result.final_state
+
+
+def at_their_speeds(state: State, pulleys: Iterable[int]) -> dict[int, PiecewiseLinear]:
+    """Return motions that hold the speeds of pulleys."""
+    return {k: PiecewiseLinear([0.0], [float(state.omega[k])]) for k in pulleys}
 
 
 def _sum(torque: TorqueLike, more: Viscous) -> TorqueLike:
@@ -110,47 +120,24 @@ def linearise_over(
     """Linearise a running drive over a passing, as the text at the head says."""
     sparse, _ = scipy_sparse()
     parts = [linearise(params, one, torque_slopes, prescribed, places=False) for one in states]
-    whole = parts[0]
-    passing = passing_of(params, whole.state)
+    passing = passing_of(params, parts[0].state)
     names = np.concatenate([part.names for part in parts])
     index = np.concatenate([part.index for part in parts])
     phase = np.concatenate([np.full(part.size, k) for k, part in enumerate(parts)])
     jacobian = sparse.block_diag([part.matrix for part in parts], format="csc")
-    derivative = _derivative(params, names, index, phase, len(parts), passing > 0.0, sparse)
-    return Linear(
-        params=params,
-        state=whole.state,
-        matrix=(jacobian - abs(passing) * len(parts) * derivative).tocsc(),
+    weights = dict.fromkeys(names.tolist(), BEHIND)
+    by_phase = derivative(params, names, index, phase, len(parts), passing, weights)
+    given = [sparse.vstack([part.given[k] for part in parts], format="csc") for k in range(2)]
+    return attrs.evolve(
+        parts[0],
+        matrix=(jacobian - abs(passing) * len(parts) * by_phase).tocsc(),
         names=names,
         index=index,
         unit=np.concatenate([part.unit for part in parts]),
         passing=passing,
         speed=passing * float(params.info["link_length"]),
         trusted=np.inf,
-        prescribed=prescribed,
-        given=tuple(
-            sparse.vstack([part.given[k] for part in parts], format="csc") for k in range(2)
-        ),
+        given=(given[0], given[1]),
         phase=phase,
         parts=tuple(parts),
-        torque_slopes=torque_slopes,
     )
-
-
-def _derivative(
-    params: Params, names: Any, index: Any, phase: Any, phases: int, onward: bool, sparse: Any
-) -> Any:
-    n, sense = params.n_bodies, 1 if onward else -1
-    keys = list(zip(names.tolist(), index.tolist(), phase.tolist(), strict=True))
-    where = {key: row for row, key in enumerate(keys)}
-    rows, columns, values = [], [], []
-    for row, (name, i, k) in enumerate(keys):
-        for offset, value in _BEHIND.items():
-            round_, other = divmod(k + offset, phases)
-            link = i // n * n + (i % n + sense * round_) % n if name in LINK_FIELDS else i
-            column = where.get((name, link, other))
-            if column is not None:
-                rows.append(row)
-                columns.append(column)
-                values.append(value)
-    return sparse.csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))

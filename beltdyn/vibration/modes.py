@@ -23,7 +23,7 @@ from .linearised import Complex, Linear, linearise, passing_of
 from .mesh_phases import linearise_over, states_over
 from .mode_set import Modes, Shapes
 from .torque_slopes import torque_slopes
-from .turning import turning_of
+from .turning import without_turning
 
 __all__ = ["check_drive", "linear_drive", "modes"]
 
@@ -116,40 +116,38 @@ def modes(
         )
     least = None if damping is None else positive("damping", damping)
     linear = linear_drive(params, state, torque, motion, phases=phases)
-    where = parts.sections(linear)
     most = (1.0 if linear.speed == 0.0 else DAMPED) if least is None else least
     found, still, band, turning, left_out = _lowest(linear, n, most, count)
     grows, away, complete = growing(linear, band, found)
     turning = away if turning is None else turning
     if not complete:
         _warn("modes_missing: not all eigenvalues of growing motions have converged")
-    shares = parts.participation(linear, found[1], where)
-    still = _of_bodies(still, parts.participation(linear, still[1], where))
-    scaled = _scaled(linear, found)
+    shares = parts.participation(linear, found.vectors)
+    of_still = parts.participation(linear, still.vectors)
+    # of motions that decay those of pulleys and mounts; those of friction and contact are many
+    still = still.of(of_still.pulleys.sum(axis=1) + of_still.mounts.sum(axis=1) > BODIES)
     left = residuals(linear, found)
     if (left > LEFT_OVER).any():
         _warn(f"modes: eigenvectors of a residual up to {left.max():.2g}")
-    of_still = parts.participation(linear, still[1], where)
-    values, by_phase = found[0], np.empty((0, len(found[0])))
+    values, by_phase = found.values, np.empty((0, found.values.size))
     highest = float(abs(values).max()) if values.size else band[1]
     if phases > 1 and linear.passing == 0.0:
         seen = _at_phases(linear, found, torque, phases, most)
         values, by_phase = seen.mean(axis=0), seen.imag / (2.0 * np.pi)
-    of_grows = parts.participation(linear, grows[1], where)
-    grow_names = parts.names(linear, grows[1], where, of_grows)
-    _warn_unstable(grows[0], grow_names, values)
+    grow_names = _named(linear, grows)
+    _warn_unstable(grows.values, grow_names, values)
     return Modes(
         frequency=values.imag / (2.0 * np.pi),
         damping=-values.real / abs(values),
         eigenvalue=values,
-        shapes=_shapes(linear, scaled, values),
-        names=parts.names(linear, found[1], where, shares),
+        shapes=_shapes(linear, found, values),
+        names=parts.names(linear, found.vectors, shares),
         participation=shares,
         residual=left,
-        grows=grows[0],
+        grows=grows.values,
         grow_names=grow_names,
-        decay=-still[0].real,
-        decay_names=parts.names(linear, still[1], where, of_still),
+        decay=-still.values.real,
+        decay_names=_named(linear, still),
         turning=turning,
         left_out=left_out,
         band=(band[0] / (2.0 * np.pi), min(highest, band[1]) / (2.0 * np.pi)),
@@ -162,6 +160,10 @@ def modes(
         params=params,
         state=state,
     )
+
+
+def _named(linear: Linear, found: Found) -> tuple[str, ...]:
+    return parts.names(linear, found.vectors, parts.participation(linear, found.vectors))
 
 
 def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> None:
@@ -182,11 +184,14 @@ def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> N
 def _lowest(
     linear: Linear, n: int, most: float, check: bool = False
 ) -> tuple[Found, Found, tuple[float, float], complex | None, int]:
-    """Find the lowest n modes: see :func:`.eigenvalues.search`, :func:`_without_turning`."""
+    """Find the lowest n modes: see :func:`.eigenvalues.search`, :func:`.turning.without_turning`.
+
+    Last the number of others below that are left out for a damping ratio above ``most``.
+    """
     sought = n + (1 if not check else SPARE)
     while True:
         found, still, band, complete = search(linear, sought, most)
-        here = parts.steady_share(linear, found[1]) > STEADY
+        here = parts.steady_share(linear, found.vectors) > STEADY
         few = int(np.count_nonzero(here)) < min(n + 1, len(here)) and sought < 8 * n
         bound = float(linear.params.info["spectral_bound"])
         if not few or band[1] > min(bound, linear.trusted):
@@ -196,16 +201,17 @@ def _lowest(
         _warn("modes_missing: not all eigenvalues of the band have converged, some may be missing")
     if check:
         _compare(linear, found, band[0], n)
-    here &= abs(found[0]) < linear.trusted
-    found, turning = _without_turning(linear, (found[0][here], found[1][:, here]))
+    here &= abs(found.values) < linear.trusted
+    found, turning = without_turning(linear, found.of(here))
     band = band[0], min(band[1], linear.trusted)
-    found, left_out = _least_damped(found, n, most)
-    return found, still, band, turning, left_out
+    keep = np.flatnonzero(-found.values.real < most * abs(found.values))[:n]
+    left_out = int(keep[-1]) + 1 - keep.size if keep.size else 0
+    return found.of(keep), still, band, turning, left_out
 
 
 def _compare(linear: Linear, found: Found, low: float, n: int) -> None:
     """Warn unless as many eigenvalues are counted as are found."""
-    rates, ratios = abs(found[0]), -found[0].real / abs(found[0])
+    rates, ratios = abs(found.values), -found.values.real / abs(found.values)
     # an outline far from eigenvalues: the widest gap above the n-th, and of damping
     above = np.sort(rates[abs(ratios) < DAMPED])[n - 1 :]
     if above.size < 2:
@@ -231,19 +237,19 @@ def _at_phases(
 ) -> Complex:
     """Eigenvalues of the same modes (phases, n) as the belt is moved along by a link."""
     params, prescribed = linear.params, linear.prescribed
-    own, out = parts.weighted(linear, found[1]), []
+    own, out = parts.weighted(linear, found.vectors), []
     state = State._from_core(linear.state)
     for one in states_over(params, state, torque, prescribed, phases):
         slopes = None if torque is None else torque_slopes(params, one, torque)
         other = linearise(params, one, slopes, prescribed)
-        seen = _lowest(other, len(found[0]) + MORE, most)[0]
-        same = parts.same_modes(own, parts.weighted(other, seen[1]))
+        seen = _lowest(other, found.values.size + MORE, most)[0]
+        same = parts.same_modes(own, parts.weighted(other, seen.vectors))
         if (same[1] < ALIKE).any():
             _warn(
                 f"modes_of_phases: mode(s) {', '.join(map(str, np.flatnonzero(same[1] < ALIKE)))} "
                 "are not found alike at every phase of the mesh: more links give more even ones"
             )
-        out.append(seen[0][same[0]])
+        out.append(seen.values[same[0]])
     return np.array(out)
 
 
@@ -264,8 +270,7 @@ def linear_drive(
     *,
     phases: int = 1,
 ) -> Linear:
-    """Check the arguments of :func:`modes`; linearise the drive, a running one over phases."""
-    check_drive(params, state)
+    """Linearise a drive, a running one over phases; check ``motion``, and that it is in balance."""
     if motion is not None and not isinstance(motion, Mapping):
         raise TypeError(f"motion must be a mapping by pulley, got {type(motion).__name__}")
     prescribed = tuple(sorted(by_index("motion", motion or {}, params.pulley_names)))
@@ -282,57 +287,31 @@ def linear_drive(
     return linearise_over(params, states, slopes, prescribed)
 
 
-def _without_turning(linear: Linear, found: Found) -> tuple[Found, complex | None]:
-    """Leave out the motion in which all pulleys turn with the belt, which only a mesh holds."""
-    k = turning_of(linear, *found)
-    if k is None:
-        return found, None
-    return (np.delete(found[0], k), np.delete(found[1], k, axis=1)), complex(found[0][k])
-
-
-def _least_damped(found: Found, n: int, most: float) -> tuple[Found, int]:
-    """Return the lowest n with a damping ratio below ``most``, and the number of others below."""
-    keep = np.flatnonzero(-found[0].real < most * abs(found[0]))[:n]
-    left_out = int(keep[-1]) + 1 - keep.size if keep.size else 0
-    return (found[0][keep], found[1][:, keep]), left_out
-
-
-def _of_bodies(still: Found, shares: parts.Participation) -> Found:
-    """Select the decaying motions of pulleys and mounts; those of friction and contact are many."""
-    keep = shares.pulleys.sum(axis=1) + shares.mounts.sum(axis=1) > BODIES
-    return still[0][keep], still[1][:, keep]
-
-
 def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
     """Return the scatter due to T s (see :func:`modes`), with s independent at each end of a wrap.
 
     It is even within a link. The stiffness of a mode is twice its kinetic energy.
     """
     params = linear.params
-    turned = abs(linear.field(found[1], "theta")) ** 2
+    turned = abs(linear.field(found.vectors, "theta")) ** 2
     if params._belt_facts["flows"]:
         return np.zeros(turned.shape[1])
     one = state.tension(params).mean * float(params.info["link_length"]) / np.sqrt(12.0) * turned
-    stiffness = np.sum(abs(parts.weighted(linear, found[1])) ** 2, axis=0)
+    stiffness = np.sum(abs(parts.weighted(linear, found.vectors)) ** 2, axis=0)
     return np.asarray(np.sqrt(2.0 * np.sum(one**2, axis=0)) / (2.0 * stiffness))
 
 
-def _shapes(linear: Linear, scaled: Complex, values: Complex) -> Shapes:
-    found = {name: linear.field(scaled, name).T for name in ("phi", "theta", "travel")}
+def _shapes(linear: Linear, found: Found, values: Complex) -> Shapes:
+    """Return vectors of which the largest displacement is 1 m, as fields."""
+    place = np.isin(linear.names, ["x", "y", "a", "theta", "travel"])
+    moved = np.where(place[:, None], found.vectors / linear.norms(1.0)[:, None], 0.0)
+    largest = moved[np.argmax(abs(moved), axis=0), np.arange(values.size)]
+    scaled = np.asarray(found.vectors / largest)
+    fields = {name: linear.field(scaled, name).T for name in ("phi", "theta", "travel")}
     x, y = parts.moves(linear, scaled, values)
     a, n_p = linear.field(scaled, "a").T, len(linear.params.pulleys)
     deflection = a.reshape(len(values), n_p, a.shape[1] // n_p)
-    return Shapes(x=x.T, y=y.T, deflection=deflection, **found)
-
-
-def _scaled(linear: Linear, found: Found) -> Complex:
-    """Vectors of which the largest displacement is 1 m."""
-    vectors = found[1]
-    size = linear.norms(1.0)
-    place = np.isin(linear.names, ["x", "y", "a", "theta", "travel"])
-    moved = np.where(place[:, None], vectors / size[:, None], 0.0)
-    largest = moved[np.argmax(abs(moved), axis=0), np.arange(vectors.shape[1])]
-    return np.asarray(vectors / largest)
+    return Shapes(x=x.T, y=y.T, deflection=deflection, **fields)
 
 
 def _warn(message: str) -> None:

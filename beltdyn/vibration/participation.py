@@ -19,17 +19,14 @@ from ..base.checks import Array
 from ..base.naming import span_name
 from ..drive.mounts import KINDS
 from ..drive.params import Params
-from ..drive.route import route_at
 from ..result.labelled import mount_kinds
 from .linearised import Complex, Linear, masses
 
 __all__ = [
     "Participation",
-    "Sections",
     "moves",
     "participation",
     "same_modes",
-    "sections",
     "steady_share",
     "weighted",
 ]
@@ -56,47 +53,13 @@ class Participation:
     belt: Array
 
 
-@attrs.frozen(kw_only=True, eq=False)
-class Sections:
-    """Positions of the links at the state.
-
-    Attributes:
-        span: Span in which a link is free (n_b,), -1 on pulleys.
-        along: Unit vectors along the spans (n_p, 2).
-    """
-
-    span: NDArray[np.intp]
-    along: Array
-
-
-def sections(linear: Linear) -> Sections:
-    """Find which links are free, and in which span."""
-    params = linear.params
-    flows = params._belt_facts["flows"]
-    touched = params._cells if flows else params._model.observe(linear.state)["pulley"][0]
-    centers = params.centers(linear.state["travel"]) if params.mounted else params.centers()
-    way = route_at(params.pulleys, np.asarray(centers))
-    along = way._ways
-    along /= np.hypot(*along.T)[:, None]
-    span = np.full(touched.size, -1)
-    if (touched >= 0).any():
-        first = int(np.flatnonzero(touched >= 0)[0])
-        last = int(touched[first])
-        for k in range(first, first + touched.size):
-            i = k % touched.size
-            last = int(touched[i]) if touched[i] >= 0 else last
-            free = touched[i] < 0 and (flows or touched[(i + 1) % touched.size] < 0)
-            span[i] = last if free else -1
-    return Sections(span=span, along=along)
-
-
-def participation(linear: Linear, vectors: Complex, where: Sections) -> Participation:
+def participation(linear: Linear, vectors: Complex) -> Participation:
     """Split the kinetic energies of modes (size, n)."""
     energy = {
         name: (each[:, None] * abs(linear.field(vectors, name)) ** 2).T
         for name, each in masses(linear.params, linear.state).items()
     }
-    along, across = _of_belt(linear, vectors, where, energy)
+    along, across = _of_belt(linear, vectors, energy)
     turns, moved = energy["omega"], energy["travel_speed"]
     for c, k in enumerate(linear.params.coupled):
         turns[:, k] += energy["rim_speed"][:, c]
@@ -110,9 +73,7 @@ def participation(linear: Linear, vectors: Complex, where: Sections) -> Particip
     )
 
 
-def _of_belt(
-    linear: Linear, vectors: Complex, where: Sections, energy: Mapping[str, Array]
-) -> tuple[Array, Array]:
+def _of_belt(linear: Linear, vectors: Complex, energy: Mapping[str, Array]) -> tuple[Array, Array]:
     """Return twice the kinetic energies of the belt (n,), and of it across its spans (n, n_p)."""
     n_p, n = len(linear.params.pulleys), vectors.shape[1]
     if linear.params._belt_facts["flows"]:
@@ -122,8 +83,8 @@ def _of_belt(
     vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
     across = np.zeros((n, n_p))
     for k in range(n_p):
-        free = where.span == k
-        normal = where.along[k, 0] * vy[free] - where.along[k, 1] * vx[free]
+        free, (x, y) = linear.spans == k, linear.ways[k]
+        normal = x * vy[free] - y * vx[free]
         across[:, k] = float(linear.params.info["link_mass"]) * np.sum(abs(normal) ** 2, axis=0)
     return sum(energy[name].sum(axis=1) for name in ("vx", "vy", "vphi")), across
 
@@ -180,20 +141,19 @@ def same_modes(own: Complex, others: Complex) -> tuple[NDArray[np.intp], Array]:
     return which, product[np.arange(len(which)), which]
 
 
-def names(
-    linear: Linear, vectors: Complex, where: Sections, shares: Participation
-) -> tuple[str, ...]:
+def names(linear: Linear, vectors: Complex, shares: Participation) -> tuple[str, ...]:
     """Describe in words what moves most in each mode."""
-    return tuple(_name(linear, vectors[:, [k]], where, shares, k) for k in range(vectors.shape[1]))
+    return tuple(_name(linear, vectors[:, [k]], shares, k) for k in range(vectors.shape[1]))
 
 
-def _name(linear: Linear, vector: Complex, where: Sections, shares: Participation, k: int) -> str:
+def _name(linear: Linear, vector: Complex, shares: Participation, k: int) -> str:
     params = linear.params
     parts: list[tuple[float, str]] = [(float(shares.belt[k]), "belt along itself")]
     for span, share in enumerate(shares.spans[k]):
         if share > SECOND / len(params.pulleys):
-            between = span_name(span, params.pulley_names, "span {}")
-            parts.append((float(share), f"{_span(between)}, {_order(linear, vector, where, span)}"))
+            name = span_name(span, params.pulley_names, "span {}")
+            name = name if name.startswith("span") else f"span {name}"
+            parts.append((float(share), f"{name}, {_order(linear, vector, span)} lateral"))
     parts.append((float(shares.pulleys[k].sum()), _rotation(params, linear, vector, shares, k)))
     for m, share in enumerate(shares.mounts[k]):
         row, pulley = KINDS[mount_kinds(params)[m]], params.mounted[m]
@@ -203,34 +163,22 @@ def _name(linear: Linear, vector: Complex, where: Sections, shares: Participatio
     return name if parts[1][0] < SECOND else f"{name}; with {parts[1][1]}"
 
 
-def _span(between: str) -> str:
-    return between if between.startswith("span") else f"span {between}"
-
-
-def _order(linear: Linear, vector: Complex, where: Sections, span: int) -> str:
+def _order(linear: Linear, vector: Complex, span: int) -> str:
+    """Name the order of the shape of a span, as 1st."""
     if linear.params._belt_facts["flows"]:
-        shape = linear.field(vector, "a")[:, 0].reshape(len(where.along), -1)[span]
-        return _lateral(1 + int(np.argmax(abs(shape))))
-    free = np.flatnonzero(where.span == span)
-    order = np.argsort((free - _first(free, where.span.size)) % where.span.size)
-    free = free[order]
-    x, y = (linear.field(vector, name)[free, 0] for name in ("x", "y"))
-    across = where.along[span, 0] * y - where.along[span, 1] * x
-    real = (across * np.exp(-0.5j * np.angle(np.sum(across**2)))).real
-    real = real[abs(real) > NODE * abs(real).max()]
-    return _lateral(1 + int(np.count_nonzero(np.diff(np.sign(real)))))
-
-
-def _lateral(n: int) -> str:
-    return f"{_ORDINALS.get(n, f'{n}th')} lateral"
-
-
-def _first(free: NDArray[np.intp], n: int) -> int:
-    """First link of a run round the ring."""
-    gaps = np.flatnonzero(np.diff(free) > 1)
-    return (
-        int(free[gaps[0] + 1]) if gaps.size and free[0] == 0 and free[-1] == n - 1 else int(free[0])
-    )
+        shape = linear.field(vector, "a")[:, 0].reshape(len(linear.ways), -1)[span]
+        order = 1 + int(np.argmax(abs(shape)))
+    else:
+        inside, way = linear.spans == span, linear.ways[span]
+        # round the ring from the first link that is free behind one that is not
+        first = int(np.flatnonzero(inside & ~np.roll(inside, 1))[0])
+        free = (first + np.flatnonzero(np.roll(inside, -first))) % inside.size
+        x, y = (linear.field(vector, name)[free, 0] for name in ("x", "y"))
+        across = way[0] * y - way[1] * x
+        real = (across * np.exp(-0.5j * np.angle(np.sum(across**2)))).real
+        real = real[abs(real) > NODE * abs(real).max()]
+        order = 1 + int(np.count_nonzero(np.diff(np.sign(real))))
+    return _ORDINALS.get(order, f"{order}th")
 
 
 def _rotation(

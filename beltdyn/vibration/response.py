@@ -27,6 +27,11 @@ __all__ = ["FrequencyResponse", "frequency_response"]
 
 #: Displacement of the differences that tensions are read off [m].
 _STEP = 1e-8
+_NOT_REMOVED = (
+    "mesh_turning: the polygon of links resists the whole drive turning, which cannot be told from "
+    "friction that creeps and stays in the response (from {:.3g} Hz): more links make it less, and "
+    "a motion prescribed on a pulley, or a law of friction that sticks, does without"
+)
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -144,20 +149,25 @@ def frequency_response(
     torques, motions = np.zeros(n_p, complex), np.zeros(n_p, complex)
     torques[list(moments)] = list(moments.values())
     motions[list(moved)] = list(moved.values())
-    free = linear.prescribed or linear.parts or params._belt_facts["flows"]
-    mesh = None if free else mesh_stiffness(linear)
-    resisted = _mesh_turning(mesh, at)
+    mesh, resisted = None, 0.0
+    if not (linear.prescribed or linear.parts or params._belt_facts["flows"]):
+        mesh = mesh_stiffness(linear)
+        resisted = np.nan if mesh is None else float(np.sqrt(abs(mesh[2])) / (2.0 * np.pi))
+        if mesh is None:
+            warnings.warn(_NOT_REMOVED.format(at.min()), BeltdynWarning, stacklevel=2)
     vectors, left = _solve(linear, 2.0 * np.pi * at, torques, motions, mesh)
-    theta = linear.field(vectors, "theta").T + motions
-    omega = linear.field(vectors, "omega").T
-    omega = omega + 2j * np.pi * at[:, None] * motions
+
+    def turning(part: Linear, of_part: Complex) -> tuple[Complex, Complex]:
+        """Angles and speeds of the pulleys."""
+        theta = part.field(of_part, "theta").T + motions
+        return theta, part.field(of_part, "omega").T + 2j * np.pi * at[:, None] * motions
+
+    theta, omega = turning(linear, vectors)
     moved_x, moved_y = moves(linear, vectors, 2j * np.pi * at)
     forces, tensions = [], []
     for k, part in enumerate(linear.parts or (linear,)):
-        at_phase = linear.at_phase(vectors, k)
-        turned = part.field(at_phase, "theta").T + motions
-        turning = part.field(at_phase, "omega").T + 2j * np.pi * at[:, None] * motions
-        forces.append(_forces(part, at_phase, turned, turning))
+        of_part = linear.at_phase(vectors, k)
+        forces.append(_forces(part, of_part, *turning(part, of_part)))
         tensions.append(_spans(part, forces[-1]))
     return FrequencyResponse(
         frequency=at,
@@ -180,37 +190,16 @@ def frequency_response(
 def _amplitudes(params: Params, name: str, given: Any) -> dict[int, complex]:
     if given is None:
         return {}
-    by_pulley = given if isinstance(given, Mapping) else {given: 1.0}
-    names = params.pulley_names
-    return {
-        k: _amplitude(f"{name}[{key(k, names)}]", value)
-        for k, value in by_index(name, by_pulley, names).items()
-    }
-
-
-def _amplitude(name: str, value: Any) -> complex:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Complex):
-        raise TypeError(f"{name} must be a real or complex number, got {shown(value)}")
-    if not np.isfinite(complex(value)):
-        raise ValueError(f"{name} must be finite, got {shown(value)}")
-    return complex(value)
-
-
-def _mesh_turning(mesh: tuple[Array, Array, float | None] | None, at: Array) -> float:
-    """Return the frequency of the drive's turning on the mesh [Hz]; warn if it is not removed."""
-    if mesh is None:
-        return 0.0
-    if mesh[2] is None:
-        warnings.warn(
-            "mesh_turning: the polygon of links resists the whole drive turning, which cannot be "
-            f"told from friction that creeps and stays in the response (from {at.min():.3g} Hz): "
-            "more links make it less, and a motion prescribed on a pulley, or a law of friction "
-            "that sticks, does without",
-            BeltdynWarning,
-            stacklevel=3,
-        )
-        return np.nan
-    return float(np.sqrt(abs(mesh[2])) / (2.0 * np.pi))
+    by_pulley, names = given if isinstance(given, Mapping) else {given: 1.0}, params.pulley_names
+    found = {}
+    for k, value in by_index(name, by_pulley, names).items():
+        where = f"{name}[{key(k, names)}]"
+        if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Complex):
+            raise TypeError(f"{where} must be a real or complex number, got {shown(value)}")
+        found[k] = complex(value)
+        if not np.isfinite(found[k]):
+            raise ValueError(f"{where} must be finite, got {shown(value)}")
+    return found
 
 
 def _solve(
@@ -218,7 +207,7 @@ def _solve(
     rates: Array,
     torques: Complex,
     motions: Complex,
-    mesh: tuple[Array, Array, float | None] | None,
+    mesh: tuple[Array, Array, float] | None,
 ) -> tuple[Any, Array]:
     """Solve (i w - J) x = b at each w, in unknowns scaled for w; J without the mesh's stiffness.
 
@@ -237,7 +226,7 @@ def _solve(
         lu = linalg.splu(matrix)
         x = lu.solve(b)
         x += lu.solve(b - matrix @ x)
-        if mesh is not None and mesh[2] is not None:
+        if mesh is not None:
             by, on = mesh[2] * mesh[0] / size, mesh[1] * size
             turned = lu.solve(by.astype(complex))
             turned += lu.solve(by - matrix @ turned)

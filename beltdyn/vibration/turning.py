@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.checks import Array
-from .eigenvalues import first_rate
+from .eigenvalues import Found, first_rate
 from .linearised import Complex, Linear, masses, scipy_sparse
 from .participation import weighted
 
-__all__ = ["mesh_stiffness", "rigid_rates", "rigid_share", "rigid_turning", "turning_of"]
+__all__ = ["mesh_stiffness", "rigid_rates", "rigid_share", "rigid_turning", "without_turning"]
 
 #: Share of a mode's kinetic energy in the drive turning as a whole, from which on it is that.
 WHOLE = 0.9
@@ -26,8 +26,7 @@ SLOW, LOSSY = 1e-4, 0.1
 def rigid_turning(linear: Linear) -> Array:
     """Return the unknowns (size,) as the drive turns with the belt at 1 m/s, displaced by 1 m."""
     core, params = linear.state, linear.params
-    radii = params._radii
-    way = {"theta": params.route.senses / radii}
+    way = {"theta": params.route.senses / params._radii}
     way["rim_speed"] = way["theta"][list(params.coupled)]
     way["omega"] = way["theta"]
     if params._belt_facts["flows"]:
@@ -73,23 +72,24 @@ def rigid_rates(linear: Linear) -> tuple[float, float]:
     return by_angle / inertia, by_speed / inertia
 
 
-def turning_of(linear: Linear, values: Complex, vectors: Complex) -> int | None:
-    """Return which of modes is the mesh's resistance to turning, or None.
+def without_turning(linear: Linear, found: Found) -> tuple[Found, complex | None]:
+    """Split modes into all others and the mesh's resistance to turning, None: it is not there.
 
     It is the one that has most of the turning, at least 0.9 of its energy; none where a pulley's
     motion is prescribed, and none where set torques make more than half of its stiffness.
     """
-    if linear.prescribed or not values.size or linear.params._belt_facts["flows"]:
-        return None
-    share = rigid_share(linear, vectors)
+    if linear.prescribed or not found.values.size or linear.params._belt_facts["flows"]:
+        return found, None
+    share = rigid_share(linear, found.vectors)
     k = int(np.argmax(share))
-    if share[k] < WHOLE or rigid_rates(linear)[0] > 0.5 * abs(values[k]) ** 2:
-        return None
-    return k
+    value = complex(found.values[k])
+    if share[k] < WHOLE or rigid_rates(linear)[0] > 0.5 * abs(value) ** 2:
+        return found, None
+    return found.of(np.arange(share.size) != k), value
 
 
-def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
-    """Return the mesh's stiffness against turning as a rank-one term to add to J.
+def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float] | None:
+    """Return the mesh's stiffness against turning as a rank-one term to add to J, None if unknown.
 
     With M the masses and t the turning, K - k (M t)(M t)^T / (t^T M t) has a free turning for the k
     that is given, 1 over the static displacement along t by a force M t / (t^T M t), less what set
@@ -113,5 +113,5 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float | None]:
         x += lu.solve(force - matrix @ x)
     moved = complex((on * size) @ x)
     if abs(moved.imag) > LOSSY * abs(moved.real):
-        return by, on, None
+        return None
     return by, on, 1.0 / moved.real + rate**2 - rigid_rates(linear)[0]
