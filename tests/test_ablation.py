@@ -15,7 +15,7 @@ import pytest
 import beltdyn as bd
 from beltdyn.base.run_warnings import silenced
 from beltdyn.drive.balance import tension_held
-from beltdyn.explaining import ablation
+from beltdyn.explaining import ablation, run_length
 from beltdyn.explaining.ablation import Answers, LeftOut, answers_of, changes_of, growth_of
 from beltdyn.explaining.removals import Removal, leave_out, removals_of
 from beltdyn.explaining.run_length import Timed
@@ -230,6 +230,23 @@ def test_runs_that_fail_or_end_with_the_budget(monkeypatch: pytest.MonkeyPatch) 
     (one,) = found.ablation.rows
     assert one.failed == "there is nothing left" and not one.may_be_left_out
     assert "there is nothing left" in str(found)
+
+
+def test_runs_begin_as_those_of_simulate_and_each_drive_is_settled_once() -> None:
+    """Three rounds of runs, and one at a tighter tolerance, settle a drive once, at the speed with
+    which a motion begins.
+    """
+    speed = bd.PiecewiseLinear([0.0], [30.0])
+    scene = bd.scenes.kubas_case_1()._replace(t_end=1e-3, motion={0: speed})
+    with mock.patch.object(run_length, "settle", wraps=bd.settle) as settle, silenced():
+        found = bd.explain(*scene[:4], budget=ENOUGH).ablation
+        drives = [(call.args[0], *call.kwargs["speed"].items()) for call in settle.call_args_list]
+        assert found is not None and found.rounds == 3 and found.runs > 3 * len(found.rows)
+        assert len(drives) == len(set(drives)) > len(found.rows)  # those of sets, too
+        drive = run_length.Drive(scene=scene, rtol=1e-3, method="tsit5")
+        own = bd.simulate(*scene, rtol=1e-3, method="tsit5")
+        run = drive.run(scene, 1e-3).result
+    assert np.array_equal(run.joints.force, own.joints.force)
 
 
 @pytest.mark.ci(guard="test_ablation.py::test_rows_are_bounds_of_what_was_seen")

@@ -184,7 +184,8 @@ def test_text_and_dictionary(explained: bd.Explanation) -> None:
     assert explained.step.alone > 0.0 and explained.step.measured > 0.0
     assert max(map(len, text.splitlines())) <= 100
     assert "NO-BREAK" not in ascii(text) and "\xa0" not in text
-    plain = json.loads(json.dumps(explained.to_dict(), allow_nan=False))
+    plain = explained.to_dict()
+    assert json.loads(json.dumps(plain, allow_nan=False)) == plain  # lists, as JSON has them
     assert plain["state"]["parts"] == explained.state.parts
     assert [row["name"] for row in plain["effects"]] == [one.name for one in explained.effects]
 

@@ -16,8 +16,12 @@ def rounded(value: float, error: float | None, digits: int = 4) -> tuple[float, 
     return float(f"{value:.{left - 1}e}"), left
 
 
-def finite_or_none(value: Any) -> Any:
-    """Return a value for JSON, which has no number that is not finite."""
+def plain(value: Any) -> Any:
+    """Return a value for JSON: lists for tuples, None for numbers that are not finite."""
+    if isinstance(value, dict):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [plain(one) for one in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 

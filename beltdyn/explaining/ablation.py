@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import attrs
 import numpy as np
@@ -79,32 +80,21 @@ LONGER = 1.5
 BASE_RUNS = 3.0
 
 
-@attrs.frozen
-class Runs:
-    """Settings of the runs that are compared, over a window that begins with the run.
+class Runs(NamedTuple):
+    """Settings of the runs that are compared, over a window that begins with the run."""
 
-    Attributes:
-        run: Runs a scene, with its tolerance times a factor, in at most so many steps.
-        end: End of the window [s].
-        whole: Whether that is all that was asked for.
-    """
-
-    run: Callable[[Scene, float, int | None], Timed]
-    end: float
-    whole: bool
+    run: Callable[[Scene, float, int | None], Timed]  # of a factor of the tolerance, most steps
+    end: float  # of the window [s]
+    whole: bool  # whether that is all that was asked for
 
 
-@attrs.frozen(eq=False, kw_only=True)
-class Answers:
-    """Quantities of a run that are compared, made of those of :mod:`beltdyn.accuracy`.
+class Answers(NamedTuple):
+    """Quantities of a run that are compared, made of those of :mod:`beltdyn.accuracy`."""
 
-    Attributes:
-        values: By the names of ``ANSWERS``, of each span and each pulley, over the whole run and
-            over each fifth of it (1 + 5, n_p) [N], [rad/s].
-        scales: Scales of the changes: the mean tension [N], the highest speed [rad/s].
-    """
-
+    #: By the names of ``ANSWERS``, of each span and each pulley, over the whole run and over each
+    #: fifth of it (1 + 5, n_p) [N], [rad/s].
     values: dict[str, Array]
+    #: Of the changes: the mean tension [N], the highest speed [rad/s].
     scales: dict[str, float]
 
 
@@ -245,32 +235,27 @@ def ablate(
 ) -> Ablation:
     """Leave out one effect at a time, then together what may go."""
     removals = removals_of(scene)
-    without = {removal.name: [removal] for removal in removals}
     base = _Base(scene, runs, error)
-    base.compare()
-    rows = {}
-    for name, group in without.items():
-        over = time_left() <= 0.0
-        rows[name] = (
-            _unknown(name, group, "the budget is spent") if over else base.left_out(name, group)
-        )
+    rows = [
+        _unknown([one], "the budget is spent") if time_left() <= 0.0 else base.left_out([one])
+        for one in removals
+    ]
     rounds = 1
     while rounds < MOST_ROUNDS and runs.whole and time_left() > 2.0 * base.round_time:
-        base.repeat(without)
+        base.repeat(removals)
         rounds += 1
-    ranked = [base.timed(row) for row in rows.values()]
+    ranked = [base.timed(row) for row in rows]
     judge, safety = base, 1.0
     if not runs.whole and removals_that_may_go(ranked, LEVELS[-1] * error, SAFETY):
         more = longer(max(0.0, time_left()) / (BASE_RUNS + len(LEVELS) + 1.0))
         if more.end >= LONGER * runs.end:
             judge, safety = _Base(scene, more, error), SAFETY
-            judge.compare()
     sets: list[tuple[float, tuple[str, ...], LeftOut]] = []
     for level in LEVELS:
         names = removals_that_may_go(ranked, level * error, safety)
         while names and not (sets and len(names) <= len(sets[-1][1])) and time_left() > 0.0:
             group = [removal for removal in removals if removal.name in names]
-            row = judge.left_out(", ".join(one.name for one in group), group)
+            row = judge.left_out(group)
             if row.error <= level * error:
                 sets.append((level * error, tuple(one.name for one in group), judge.timed(row)))
                 break
@@ -286,12 +271,10 @@ def ablate(
     )
 
 
-def _how(group: Sequence[Removal]) -> str:
-    return "; ".join(removal.how for removal in group)
-
-
-def _unknown(name: str, group: Sequence[Removal], why: str) -> LeftOut:
-    return LeftOut(name=name, how=_how(group), failed=why)
+def _unknown(group: Sequence[Removal], why: str) -> LeftOut:
+    """Return what is known of effects before a run without them."""
+    names, how = [one.name for one in group], [one.how for one in group]
+    return LeftOut(name=", ".join(names), how="; ".join(how), failed=why)
 
 
 def _worst(changes: dict[str, Array]) -> float:
@@ -304,34 +287,31 @@ def _accuracy(result: Result) -> list[str]:
 
 
 class _Base:
-    """The run with all effects, and those that are compared with it."""
+    """The run with all effects, once more at a tighter tolerance, and those compared with it."""
 
     def __init__(self, scene: Scene, runs: Runs, error: float) -> None:
         self.scene, self.how, self.error = scene, runs, error
-        self.own_error, self.runs = math.inf, 0
-        self.round_time = 0.0
+        self.runs, self.round_time = 0, 0.0
         self.most_steps: int | None = None
         self.times: dict[str, float] = {}  # the least CPU time, by what is left out
-
-    def compare(self) -> None:
-        """Run it, and once more at a tighter tolerance."""
-        result = self._run("", self.scene)
+        result = self._run("", scene)
         self.answers, self.warned = answers_of(result), _accuracy(result)
         self.most_steps = MOST_STEPS * result.stats.steps
-        tight = self.how.run(self.scene, TIGHTER, None).result
+        tight = runs.run(scene, TIGHTER, None).result
         self.runs += 1
         self.own_error = _worst(changes_of(answers_of(tight), self.answers))
 
-    def left_out(self, name: str, group: Sequence[Removal]) -> LeftOut:
+    def left_out(self, group: Sequence[Removal]) -> LeftOut:
         """Run without some effects, and compare."""
+        unknown = _unknown(group, "")
 
         def run() -> tuple[Result, dict[str, Array]]:
-            result = self._run(name, leave_out(self.scene, group))
+            result = self._run(unknown.name, leave_out(self.scene, group))
             return result, changes_of(answers_of(result), self.answers)
 
         outcome = attempt(run, (SimulationError, ValueError))
         if outcome.status != "finished":
-            return _unknown(name, group, outcome.message)
+            return attrs.evolve(unknown, failed=outcome.message)
         result, changes = outcome.value
         worst, growth = _worst(changes), growth_of(changes)
         known = set(self.warned) | (_SHOWN_AT_ONCE if self.how.whole else set())
@@ -339,9 +319,8 @@ class _Base:
         own = RUNS * self.own_error
         bound = math.inf if warned else SAFETY * growth * worst + own
         error = worst + own if self.how.whole and not warned else bound
-        return LeftOut(
-            name=name,
-            how=_how(group),
+        return attrs.evolve(
+            unknown,
             change={name: float(change[0]) for name, change in changes.items()},
             worst=worst,
             growth=growth,
@@ -353,12 +332,12 @@ class _Base:
             warned=warned,
         )
 
-    def repeat(self, without: dict[str, list[Removal]]) -> None:
+    def repeat(self, removals: Sequence[Removal]) -> None:
         """Run all again for their times, of which the least counts."""
         self._run("", self.scene)
-        for name, group in without.items():
-            if name in self.times:
-                self._run(name, leave_out(self.scene, group))
+        for one in removals:
+            if one.name in self.times:
+                self._run(one.name, leave_out(self.scene, [one]))
 
     def timed(self, row: LeftOut) -> LeftOut:
         """Return a row with its time."""

@@ -13,6 +13,7 @@ import attrs
 
 from .. import _core
 from ..drive.friction import Friction, Frictionless
+from ..drive.parameters import Path
 from ..drive.params import Params
 from ..drive.rules import Printable, Rule
 from ..loads.motions import MotionLike, described
@@ -42,19 +43,17 @@ class Effect:
 
 
 class Part(NamedTuple):
-    """A part of a drive that has numbers.
+    """A part of a drive that has numbers."""
 
-    Attributes:
-        group: That of its parameters, such as "drag"; of a friction law "friction".
-        path: Its place in :class:`beltdyn.Params`, such as "belt" or "drag".
-        pulley: Index of the pulley that it belongs to, or None.
-        part: The part.
-    """
-
-    group: str
-    path: str
-    pulley: int | None
+    group: str  # of its parameters, such as "drag"; of a friction law "friction"
+    path: str  # its field, such as "belt" or "drag"
+    pulley: int | None  # that it belongs to
     part: Printable
+
+    @property
+    def place(self) -> Path:
+        """Where it is in the drive."""
+        return (self.path,) if self.pulley is None else ("pulleys", self.pulley, self.path)
 
 
 def parts_of(params: Params) -> Iterator[Part]:

@@ -11,7 +11,7 @@ import numpy as np
 from .. import _core
 from ..base.checks import flag, one_of, positive
 from ..base.naming import ByPulley
-from ..base.rounding import finite_or_none
+from ..base.rounding import plain
 from ..base.run_warnings import silenced
 from ..drive.params import Params
 from ..drive.scene import Scene
@@ -94,12 +94,9 @@ class Explanation:
 
         Numbers that are not finite, such as the bound of what failed, are None.
         """
-        plain: dict[str, Any] = attrs.asdict(
-            self,
-            filter=lambda field, _: field.name not in ("final", "scene"),
-            value_serializer=lambda _, __, value: finite_or_none(value),
-        )
-        return plain
+        left_out = attrs.asdict(self, filter=lambda of, _: of.name not in ("final", "scene"))
+        found: dict[str, Any] = plain(left_out)
+        return found
 
     def __str__(self) -> str:
         return text_of(self.effects, self.state, self.step, self.window, self.ablation, self.error)

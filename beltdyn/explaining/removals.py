@@ -7,8 +7,8 @@ out is a row of ``_OTHERS``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NamedTuple, cast
 
 import attrs
 import numpy as np
@@ -16,11 +16,14 @@ import numpy as np
 from ..drive import cells
 from ..drive.balance import tension_held
 from ..drive.friction import Dahl, ElasticPlastic, Friction, LuGre, MaxwellSlip
+from ..drive.parameters import Path, assign
 from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.loads import Harmonics
 from ..loads.motions import CrankMotion
-from ..loads.torques import TorqueLike, TorqueSum, Viscous
+from ..loads.torques import TorqueSum, Viscous
+from ..many.outcome import attempt
+from ..result.errors import SimulationError
 from .effects import Part, parts_of
 
 __all__ = ["Removal", "leave_out", "removals_of"]
@@ -40,13 +43,7 @@ _STRIBECK, _KINETIC = ("mu_s", "v_stribeck"), ("mu_k", "mu")
 
 
 class Removal(NamedTuple):
-    """An effect that can be left out.
-
-    Attributes:
-        name: Its name.
-        how: Change of the scene.
-        apply: Returns the scene without it.
-    """
+    """An effect that can be left out: its name, how the scene is changed, the scene without it."""
 
     name: str
     how: str
@@ -61,7 +58,12 @@ def removals_of(scene: Scene) -> tuple[Removal, ...]:
             where = "" if part.pulley is None else scene.params.label(part.pulley)
             found.setdefault((part.path, name), []).append(where)
     numbers = [_number(path, name, where) for (path, name), where in found.items()]
-    return (*numbers, *(removal for removal, has in _OTHERS if has(scene)))
+    return (*numbers, *(removal for removal in _OTHERS if _changes(removal, scene)))
+
+
+def _changes(removal: Removal, scene: Scene) -> bool:
+    """Whether a scene has an effect, one that it cannot do without too."""
+    return attempt(lambda: removal.apply(scene), (SimulationError, ValueError)).value is not scene
 
 
 def leave_out(scene: Scene, removals: Iterable[Removal]) -> Scene:
@@ -91,10 +93,12 @@ def _number(path: str, name: str, where: list[str]) -> Removal:
     bends = (path, name) == ("belt", "bending_stiffness")
 
     def apply(scene: Scene) -> Scene:
-        return _with_parts(
-            scene._replace(params=_of_same_tension(scene.params)) if bends else scene,
-            lambda part: {name: 0.0} if part.path == path and name in _optional(part) else {},
-        )
+        def without(part: Part) -> Any:
+            there = part.path == path and name in _optional(part)
+            return attrs.evolve(cast(Any, part.part), **{name: 0.0}) if there else None
+
+        same = scene._replace(params=_of_same_tension(scene.params)) if bends else scene
+        return _with_parts(same, without)
 
     places = ", ".join(place for place in where if place)
     how = f"{path}.{name} = 0" + (f" of {places}" if places else "")
@@ -107,65 +111,47 @@ def _of_same_tension(params: Params) -> Params:
     A belt that bends is shorter on its way and lifted off its pulleys. Its effect on the tension at
     rest does not count: without bending the belt is still tightened to its tension.
     """
-    belt, pulleys, sprung = params.belt, list(params.pulleys), params._moving
-    if belt.length is not None and not sprung:
-        belt = attrs.evolve(belt, length=None, preload=params.info["mean_tension"])
-    elif belt.length is None:
-        held = tension_held(params.effective_pulleys, params.gravity, belt.bending_stiffness)
-        for _, k, _ in sprung:
-            mount: Any = pulleys[k].mount
-            drawn = attrs.evolve(mount, preload=None, tension=held, **{mount._row.free: None})
-            pulleys[k] = attrs.evolve(pulleys[k], mount=drawn)
-    return attrs.evolve(params, belt=belt, pulleys=pulleys)
+    belt, sprung = params.belt, params._moving
+    if belt.length is not None:
+        at_rest = attrs.evolve(belt, length=None, preload=params.info["mean_tension"])
+        return params if sprung else attrs.evolve(params, belt=at_rest)
+    held = tension_held(params.effective_pulleys, params.gravity, belt.bending_stiffness)
+    changes: list[tuple[Path, Any]] = []
+    for _, k, _ in sprung:
+        mount: Any = params.pulleys[k].mount
+        drawn = attrs.evolve(mount, preload=None, tension=held, **{mount._row.free: None})
+        changes.append((("pulleys", k, "mount"), drawn))
+    kept: Params = assign(params, changes)
+    return kept
 
 
-def _with_parts(scene: Scene, changes: Callable[[Part], dict[str, Any]]) -> Scene:
-    """Return the scene with other numbers in some of its parts."""
-    params = scene.params
-    for part in list(parts_of(params)):
-        changed = changes(part)
-        if changed:
-            old: Any = part.part
-            params = _put(params, part, attrs.evolve(old, **changed))
-    return scene._replace(params=params)
+def _with_parts(scene: Scene, changed: Callable[[Part], Any]) -> Scene:
+    """Return the scene with other parts in place of some, for which ``changed`` is not None."""
+    new = [(part, changed(part)) for part in parts_of(scene.params)]
+    return _with(scene, [(part.place, one) for part, one in new if one is not None])
 
 
-def _put(params: Params, where: Part, value: Any) -> Params:
-    if where.pulley is None:
-        return attrs.evolve(params, **{where.path: value})
-    pulleys = list(params.pulleys)
-    pulleys[where.pulley] = attrs.evolve(pulleys[where.pulley], **{where.path: value})
-    return attrs.evolve(params, pulleys=pulleys)
+def _with(scene: Scene, changes: Sequence[tuple[Path, Any]]) -> Scene:
+    """Return the scene with other values in its drive, the same one where there are none."""
+    return scene._replace(params=assign(scene.params, changes)) if changes else scene
 
 
-# --- what takes more than a number ----------------------------------------------------------------
-
-
-def _has_gravity(scene: Scene) -> bool:
-    return scene.params.gravity != (0.0, 0.0)
+# --- what takes more than a number: the same scene where it is not there --------------------------
 
 
 def _without_gravity(scene: Scene) -> Scene:
-    return scene._replace(params=attrs.evolve(scene.params, gravity=(0.0, 0.0)))
+    return _with(scene, [(("gravity",), (0.0, 0.0))] if any(scene.params.gravity) else [])
 
 
-def _stribeck_off(part: Part) -> dict[str, Any]:
-    """Return the static coefficient that takes the Stribeck curve away, where there is one."""
+def _without_curve(part: Part) -> Any:
+    """Return a law with the static coefficient that takes its Stribeck curve away."""
     name, _ = _STRIBECK
     static = getattr(part.part, name, 0.0)
     if part.group != "friction" or static == 0.0:
-        return {}
+        return None
     kinetic = next(getattr(part.part, one) for one in _KINETIC if hasattr(part.part, one))
     total = sum(kinetic) if isinstance(kinetic, tuple) else kinetic
-    return {} if static == total else {name: total}
-
-
-def _has_stribeck(scene: Scene) -> bool:
-    return any(_stribeck_off(part) for part in parts_of(scene.params))
-
-
-def _without_stribeck(scene: Scene) -> Scene:
-    return _with_parts(scene, _stribeck_off)
+    return None if static == total else attrs.evolve(cast(Any, part.part), **{name: total})
 
 
 def _coarser_law(part: Part) -> Friction | None:
@@ -184,115 +170,64 @@ def _coarser_law(part: Part) -> Friction | None:
     return None
 
 
-def _has_finer_law(scene: Scene) -> bool:
-    return any(_coarser_law(part) for part in parts_of(scene.params))
-
-
-def _without_finer_law(scene: Scene) -> Scene:
-    params = scene.params
-    for part in list(parts_of(params)):
-        if law := _coarser_law(part):
-            params = _put(params, part, law)
-    return scene._replace(params=params)
-
-
-def _has_mounts(scene: Scene) -> bool:
-    return bool(scene.params._moving)
-
-
 def _without_mounts(scene: Scene) -> Scene:
     """Fix the axes where they rest, under the belt that is in place."""
-    params, centers = scene.params, scene.params.centers()
-    pulleys = list(params.pulleys)
+    params, changes = scene.params, list[tuple[Path, Any]]()
     for _, k, _ in params._moving:
-        x, y = centers[k]
-        pulleys[k] = attrs.evolve(pulleys[k], center=(float(x), float(y)), mount=None)
-    fixed = attrs.evolve(params, belt=params.effective_belt, pulleys=pulleys)
-    return scene._replace(params=fixed)
-
-
-def _has_rims(scene: Scene) -> bool:
-    return any(pulley.coupling is not None for pulley in scene.params.pulleys)
+        x, y = params.centers()[k]
+        changes.append((("pulleys", k, "center"), (float(x), float(y))))
+        changes.append((("pulleys", k, "mount"), None))
+    return _with(scene, [*changes, (("belt",), params.effective_belt)] if changes else [])
 
 
 def _without_couplings(scene: Scene) -> Scene:
     """Make hub and rim, or pulley and ring, one body."""
-    pulleys = [
-        attrs.evolve(pulley, inertia=pulley.shaft_inertia + pulley.coupled_inertia, coupling=None)
-        for pulley in scene.params.pulleys
-    ]
-    return scene._replace(params=attrs.evolve(scene.params, pulleys=pulleys))
-
-
-def _has_crank(scene: Scene) -> bool:
-    return any(isinstance(motion, CrankMotion) for motion in (scene.motion or {}).values())
+    changes: list[tuple[Path, Any]] = []
+    for k, pulley in enumerate(scene.params.pulleys):
+        if pulley.coupling is not None:
+            whole = pulley.shaft_inertia + pulley.coupled_inertia
+            changes += [(("pulleys", k, "inertia"), whole), (("pulleys", k, "coupling"), None)]
+    return _with(scene, changes)
 
 
 def _without_crank(scene: Scene) -> Scene:
-    motion = {
-        pulley: one.speed if isinstance(one, CrankMotion) else one
-        for pulley, one in (scene.motion or {}).items()
-    }
-    return scene._replace(motion=motion)
-
-
-def _parts_of_torque(torque: TorqueLike) -> tuple[Any, ...]:
-    return torque.parts if isinstance(torque, TorqueSum) else (torque,)
-
-
-def _has_harmonics(scene: Scene) -> bool:
-    return any(isinstance(part, Harmonics) for part in _parts_of_torque(scene.torque_fn))
+    motion = dict(scene.motion or {})
+    steady = {k: one.speed for k, one in motion.items() if isinstance(one, CrankMotion)}
+    return scene._replace(motion=motion | steady) if steady else scene
 
 
 def _without_harmonics(scene: Scene) -> Scene:
-    parts = [p for p in _parts_of_torque(scene.torque_fn) if not isinstance(p, Harmonics)]
+    torque: Any = scene.torque_fn
+    parts = torque.parts if isinstance(torque, TorqueSum) else (torque,)
+    others = tuple(part for part in parts if not isinstance(part, Harmonics))
+    if len(others) == len(parts):
+        return scene
     nothing = Viscous(np.zeros(len(scene.params.pulleys)))
-    return scene._replace(torque_fn=TorqueSum(tuple(parts) or (nothing,)))
-
-
-def _has_landings(scene: Scene) -> bool:
-    return cells.instead(scene.params) is not None
+    return scene._replace(torque_fn=TorqueSum(others or (nothing,)))
 
 
 def _without_landings(scene: Scene) -> Scene:
-    params = cells.instead(scene.params)
-    return scene if params is None else scene._replace(params=params)
+    instead = cells.instead(scene.params)
+    return scene if instead is None else scene._replace(params=instead)
 
 
-#: What can be left out besides numbers, and which scenes have it. Mounts come last: where their
-#: pulleys rest depends on what else is left out.
-_OTHERS: tuple[tuple[Removal, Callable[[Scene], bool]], ...] = (
-    (Removal("gravity", "gravity = (0, 0)", _without_gravity), _has_gravity),
-    (
-        Removal("Stribeck curve", "friction.mu_s as the kinetic coefficient", _without_stribeck),
-        _has_stribeck,
+#: What can be left out besides numbers. Mounts come last: where their pulleys rest depends on what
+#: else is left out.
+_OTHERS = (
+    Removal("gravity", "gravity = (0, 0)", _without_gravity),
+    Removal(
+        "Stribeck curve",
+        "friction.mu_s as the kinetic coefficient",
+        lambda scene: _with_parts(scene, _without_curve),
     ),
-    (
-        Removal(
-            "finer friction law",
-            "friction = Dahl for LuGre, ElasticPlastic for MaxwellSlip",
-            _without_finer_law,
-        ),
-        _has_finer_law,
+    Removal(
+        "finer friction law",
+        "friction = Dahl for LuGre, ElasticPlastic for MaxwellSlip",
+        lambda scene: _with_parts(scene, _coarser_law),
     ),
-    (
-        Removal("harmonics of the crank", "the mean speed as its motion", _without_crank),
-        _has_crank,
-    ),
-    (
-        Removal("harmonics of torques", "no Harmonics among the torques", _without_harmonics),
-        _has_harmonics,
-    ),
-    (
-        Removal("couplings of shafts", "coupling = None, hub and rim one body", _without_couplings),
-        _has_rims,
-    ),
-    (
-        Removal("landing links", 'belt.mesh = "ale", n_bodies = None', _without_landings),
-        _has_landings,
-    ),
-    (
-        Removal("motion of mounts", "mount = None, fixed where the belt rests", _without_mounts),
-        _has_mounts,
-    ),
+    Removal("harmonics of the crank", "the mean speed as its motion", _without_crank),
+    Removal("harmonics of torques", "no Harmonics among the torques", _without_harmonics),
+    Removal("couplings of shafts", "coupling = None, hub and rim one body", _without_couplings),
+    Removal("landing links", 'belt.mesh = "ale", n_bodies = None', _without_landings),
+    Removal("motion of mounts", "mount = None, fixed where the belt rests", _without_mounts),
 )

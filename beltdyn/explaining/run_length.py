@@ -7,52 +7,65 @@ from typing import Any
 
 import attrs
 
-from ..drive.scene import Scene
+from ..drive.params import Params
+from ..drive.scene import Scene, first_speeds
+from ..many.shared import Shared
 from ..outputs.state import State
 from ..result.result import Result
-from ..run.simulation import simulate
+from ..run.simulation import settle, simulate
 
 __all__ = ["Drive", "Timed", "Window", "find_window"]
 
+#: A drive and the speeds with which its motions begin.
+_Start = tuple[Params, tuple[tuple[int, float], ...]]
 #: The first piece of the run that is looked at, as a part of the whole.
 _FIRST = 1.0 / 64.0
 
 
+@attrs.frozen
+class Timed:
+    """A run and the CPU time that it took, with settling where its drive was new [s]."""
+
+    result: Result
+    seconds: float
+
+
 @attrs.frozen(kw_only=True)
 class Drive:
-    """How the runs are made.
-
-    Attributes:
-        scene: The scene; of it ``t_end`` is the longest window.
-        rtol: Tolerance.
-        method: Integration method.
-    """
+    """How runs are made of a scene and of what is left of it; the longest ends with ``scene``."""
 
     scene: Scene
     rtol: float
     method: str
+    _settled: Shared[_Start, State] = attrs.field(
+        init=False,
+        factory=lambda: Shared(lambda start, _: settle(start[0], speed=dict(start[1]) or None)),
+    )
 
-    def run(self, scene: Scene, t_end: float, tighter: float = 1.0, **options: Any) -> Timed:
+    def run(
+        self,
+        scene: Scene,
+        t_end: float,
+        tighter: float = 1.0,
+        initial: State | None = None,
+        **options: Any,
+    ) -> Timed:
         """Run a scene, with the tolerance times ``tighter`` and options of ``simulate``."""
         begin = time.thread_time()
+        if initial is None:
+            speeds = first_speeds(scene._replace(t_end=t_end)) or {}
+            initial = self._settled.get((scene.params, tuple(speeds.items())))
         result = simulate(
             scene.params,
             scene.torque_fn,
             t_end,
             motion=scene.motion,
+            initial=initial,
             rtol=tighter * self.rtol,
             method=self.method,
             **options,
         )
         return Timed(result, time.thread_time() - begin)
-
-
-@attrs.frozen
-class Timed:
-    """A run and the CPU time that it took with settling [s]."""
-
-    result: Result
-    seconds: float
 
 
 @attrs.frozen(kw_only=True)

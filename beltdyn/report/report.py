@@ -8,7 +8,7 @@ import attrs
 
 from ..base.checks import flag
 from ..base.optional import optional_module
-from ..base.rounding import finite_or_none
+from ..base.rounding import plain
 from . import brief, flat, text
 from .rows import ReportData
 
@@ -83,13 +83,13 @@ class Report(ReportData):
         printed as lost. What is not known is None; so is a number that is infinite (an unlimited
         margin).
         """
-        plain: dict[str, Any] = _plain(attrs.asdict(self))
+        found: dict[str, Any] = plain(attrs.asdict(self))
         first = self.first_to_slip
-        for row, one in zip(self.creep, plain["creep"], strict=True):
+        for row, one in zip(self.creep, found["creep"], strict=True):
             one["slower"] = row.slower
-        plain["steady"] = not self.unsteady
-        plain["first_to_slip"] = None if first is None else first.name
-        return plain
+        found["steady"] = not self.unsteady
+        found["first_to_slip"] = None if first is None else first.name
+        return found
 
     def to_frame(self) -> Any:
         """Return a pandas.DataFrame, a number a row: part, name, quantity, unit, value and text.
@@ -103,9 +103,3 @@ class Report(ReportData):
         """
         pandas = optional_module("pandas", "to_frame", "report")
         return pandas.DataFrame(flat.numbers(self), columns=list(flat.Number._fields))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _plain(one) for key, one in value.items()}
-    return [_plain(one) for one in value] if isinstance(value, tuple) else finite_or_none(value)
