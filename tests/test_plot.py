@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import subprocess
 import sys
 from collections.abc import Callable
@@ -200,17 +201,23 @@ def test_a_drive_is_drawn_to_scale_with_arcs_and_arrows(result: bd.Result, ax: A
         bd.plot.friction_coefficient(free, 0)
 
     # arrows and marks follow the rotation
-    def arrows(ax: Axes) -> list[bool]:
-        return [patch.get_visible() for patch in ax.patches if isinstance(patch, FancyArrowPatch)]
+    def arrows(ax: Axes) -> list[int]:
+        """Of each pulley: 1 counter-clockwise, -1 clockwise, 0 none."""
+        found = [patch for patch in ax.patches if isinstance(patch, FancyArrowPatch)]
+        senses = []
+        for arrow, pulley in zip(found, result.params.pulleys, strict=True):
+            path = arrow.get_path().vertices
+            (x, y), to = path[0] - pulley.center, path[1] - path[0]
+            senses.append(int(np.sign(x * to[1] - y * to[0])) * arrow.get_visible())
+        return senses
 
-    # of each pulley: counter-clockwise, clockwise
-    assert arrows(bd.plot.drive(result, 0.0)) == [False] * 4, "at rest"
-    assert arrows(bd.plot.drive(result)) == [False, True] * 2, "the paper's drive runs clockwise"
+    assert arrows(bd.plot.drive(result, 0.0)) == [0, 0], "at rest"
+    assert arrows(bd.plot.drive(result)) == [-1, -1], "the paper's drive runs clockwise"
     # turned back, and by a quarter of a turn
     theta = np.full_like(result.pulleys.theta, np.pi / 2)
     pulleys = attrs.evolve(result.pulleys, omega=-result.pulleys.omega, theta=theta)
     ax = bd.plot.drive(attrs.evolve(result, pulleys=pulleys))
-    assert arrows(ax) == [True, False] * 2
+    assert arrows(ax) == [1, 1]
     mark, centre = ax.lines[1], result.params.pulleys[1].center
     # cos(pi/2) is 6e-17 in floating point
     np.testing.assert_allclose(mark.get_xdata(), centre[0], atol=1e-15)
@@ -411,6 +418,19 @@ def test_keywords_that_nobody_knows_are_named(name: str, mounted: bd.Result) -> 
     with pytest.raises(TypeError, match=r"aliases"):
         draw(mounted, lw=2.0, linewidth=2.0)
     assert draw(mounted, lw=2.5).lines[0].get_linewidth() == 2.5
+
+
+@pytest.mark.parametrize("name", ["overview", "drive", "animate", "campbell", "energy"])
+def test_a_misspelt_keyword_is_answered_with_the_one_that_is_meant(
+    name: str, mounted: bd.Result
+) -> None:
+    """Functions that pass nothing on to matplotlib answer with their own keywords."""
+    draw = getattr(bd.plot, name)
+    (*_, meant) = inspect.signature(draw).parameters
+    with pytest.raises(
+        TypeError, match=rf"^{name} has no argument .* \(did you mean '{meant}'\?\)$"
+    ):
+        draw(mounted, **{meant + "z": None})
 
 
 PIVOT = (0.3, -0.05)

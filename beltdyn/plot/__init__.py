@@ -45,11 +45,9 @@ from .animation import Animation, animate
 from .belt import drive, force_along_belt
 from .belt_line import arcs, tension_along
 from .contact import contact_forces, friction_coefficient, relative_velocity
-from .history import joint_deformation, joint_force, span_tensions, speeds, torques
+from .history import energy, joint_deformation, joint_force, span_tensions, speeds, torques, travel
 from .layout import layout
-from .ledger import energy
 from .mode_shapes import animate_mode, frequency_response, mode
-from .mounting import travel
 from .overview import overview
 from .spectrum_lines import campbell, spectrum
 from .sweep_lines import lines

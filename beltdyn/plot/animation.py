@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import tempfile
 from collections.abc import Callable, Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -32,8 +32,9 @@ from ..base.checks import positive
 from ..result.result import Result
 from . import style
 from .history import span_tensions, speeds
+from .panel import draws
 from .picture import DrivePicture
-from .select import Indices, choice, named_links, with_samples
+from .select import Indices, choice
 
 __all__ = ["ENDINGS", "Animation", "animate", "film_writer"]
 
@@ -48,6 +49,7 @@ _FEW = 3
 _LINE = 0.2
 
 
+@draws()
 def animate(
     result: Result,
     *,
@@ -86,21 +88,13 @@ def animate(
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
     seconds, rate = positive("duration", duration, "s"), positive("fps", fps, "1/s")
     choice("panel", panel, (*_PANELS, None))
     rows = _frames(result, max(1, round(seconds * rate)))
-    picture = DrivePicture(
-        result,
-        rows=slice(None),
-        colour=colour,
-        arcs=arcs,
-        slip_from=slip_from,
-        links=named_links(links, result.params.n_bodies),
-        limits=limits,
-    )
+    picture = DrivePicture(result, slice(None), colour, arcs, slip_from, links, limits)
     heights = [2.2, 1.0] if panel else [1.0]
-    figure = style.own_figure(6.4, (4.4 if picture.wide else 5.2) + (1.2 if panel else 0.0))
+    height = (4.4 if picture.wide else 5.2) + (1.2 if panel else 0.0)
+    figure = style.new_figure(height=height, own=True)
     drive_axes, *below = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[
         :, 0
     ]
@@ -115,7 +109,6 @@ def animate(
         _legend_outside(figure, ax)
         marks.append(ax.axvline(result.t[rows[0]], color="0.25", linewidth=1.0))
     picture.add_legend(drive_axes)
-    figure.freeze_layout()
 
     def show(row: np.int64) -> list[Artist]:
         now = float(result.t[row])
@@ -131,16 +124,15 @@ def _legend_outside(figure: Figure, ax: Axes) -> None:
     """Put the legend beside the axes, one of many lines below all, so that the drive is large."""
     ax.autoscale(axis="y")  # without the room for a legend above the data
     handles, names = ax.get_legend_handles_labels()
-    if len(handles) > _FEW:
-        legend = ax.get_legend()
-        if legend is not None:
-            legend.remove()
-        look: dict[str, Any] = {"fontsize": "small", "frameon": False, "ncols": 2}
-        figure.legend(handles, names, loc="outside lower center", **look)
-        width, height = figure.get_size_inches()
-        figure.set_size_inches(width, height + _LINE * (-(-len(handles) // 2)))
-    else:
+    if len(handles) <= _FEW:
         style.legend(ax, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        return
+    if legend := ax.get_legend():
+        legend.remove()
+    look: dict[str, Any] = {"fontsize": "small", "frameon": False, "ncols": 2}
+    figure.legend(handles, names, loc="outside lower center", **look)
+    width, height = figure.get_size_inches()
+    figure.set_size_inches(width, height + _LINE * (-(-len(handles) // 2)))
 
 
 def _frames(result: Result, count: int) -> NDArray[np.int64]:
@@ -186,6 +178,9 @@ class Animation(FuncAnimation):
         fps: float,
     ) -> None:
         self.fps, self.frames = fps, len(rows)
+        # The layout is kept as it is now, because it takes as long as drawing.
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
         super().__init__(figure, show, frames=rows, interval=1e3 / fps)
 
     def save(
@@ -212,7 +207,9 @@ class Animation(FuncAnimation):
         if writer is None:
             fps = args[0] if args else options.get("fps")
             writer = film_writer(filename, self.fps if fps is None else fps)
-        with _destination(filename, writer) as temporary:
+        # A page of which the pictures are in a folder refers to that by its name.
+        apart = not writer.embed_frames if isinstance(writer, HTMLWriter) else writer == "html"
+        with nullcontext(Path(filename)) if apart else files.replacing(filename) as temporary:
             try:
                 super().save(os.fspath(temporary), writer, *args, **options)
             except subprocess.CalledProcessError as error:
@@ -234,14 +231,6 @@ class Animation(FuncAnimation):
             video = base64.b64encode(path.read_bytes()).decode("ascii")
         source = f'<source type="video/mp4" src="data:video/mp4;base64,{video}">'
         return f"<video controls autoplay loop muted>{source}</video>"
-
-
-def _destination(
-    filename: str | os.PathLike[str], writer: AbstractMovieWriter | str
-) -> AbstractContextManager[Path]:
-    """Return the path to write to: temporary, unless a page refers to a folder by its name."""
-    apart = not writer.embed_frames if isinstance(writer, HTMLWriter) else writer == "html"
-    return nullcontext(Path(filename)) if apart else files.replacing(filename)
 
 
 class _FFMpeg(FFMpegWriter):
@@ -266,14 +255,10 @@ def film_writer(path: str | os.PathLike[str], fps: float = 20.0) -> AbstractMovi
     ending = Path(path).suffix[1:].lower()
     if ending not in ENDINGS:
         raise ValueError(f"the ending of {os.fspath(path)} must be one of {', '.join(ENDINGS)}")
+    rate: Any = fps  # matplotlib's stubs require an int, its writers do not
+    if ending == "gif":
+        return PillowWriter(fps=rate)
     if ending == "mp4":
         _FFMpeg.bin_path()
-    rate: Any = fps  # matplotlib's stubs require an int, its writers do not
-    writers: dict[str, Callable[[], AbstractMovieWriter]] = {
-        "gif": lambda: PillowWriter(fps=rate),
-        "mp4": lambda: _FFMpeg(fps=rate),
-        "html": lambda: HTMLWriter(
-            fps=rate, embed_frames=True, default_mode="loop", embed_limit=_NO_LIMIT
-        ),
-    }
-    return writers[ending]()
+        return _FFMpeg(fps=rate)
+    return HTMLWriter(fps=rate, embed_frames=True, default_mode="loop", embed_limit=_NO_LIMIT)

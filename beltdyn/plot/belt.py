@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from itertools import pairwise
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 
 from ..base.checks import integer
 from ..outputs.quantity import QUANTITIES
 from ..result.result import Result
 from . import style
 from .labels import rows_of_names
-from .panel import passes_on
+from .panel import draws
 from .picture import DrivePicture
-from .select import Indices, named_links, sample, with_samples
+from .select import Indices, runs, sample
 
 __all__ = ["drive", "force_along_belt"]
 
 
-@passes_on()
+@draws()
 def force_along_belt(
     result: Result,
     t: float | None = None,
@@ -49,7 +47,6 @@ def force_along_belt(
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
     row = sample(result, t)
     first = integer("first", first, 0)
     n_b = result.params.n_bodies
@@ -79,7 +76,7 @@ def force_along_belt(
 def _shade_wraps(ax: Axes, result: Result, row: int, first: int) -> None:
     """Shade each wrap and label its longest part."""
     longest: dict[int, tuple[int, int]] = {}
-    for begin, end, pulley in _runs(result.contact.pulley[row]):
+    for begin, end, pulley in runs(result.contact.pulley[row]):
         if pulley < 0:
             continue
         ax.axvspan(
@@ -92,13 +89,7 @@ def _shade_wraps(ax: Axes, result: Result, row: int, first: int) -> None:
     rows_of_names(ax, np.array(middles), names, inside=True)
 
 
-def _runs(values: NDArray[np.int32]) -> Iterator[tuple[int, int, int]]:
-    """Begin, end and value of every run of equal values."""
-    edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
-    for begin, end in pairwise(edges):
-        yield begin, end, int(values[begin])
-
-
+@draws()
 def drive(
     result: Result,
     t: float | None = None,
@@ -132,17 +123,9 @@ def drive(
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
     row = sample(result, t)
-    picture = DrivePicture(
-        result,
-        rows=slice(row, row + 1),
-        colour=colour,
-        arcs=arcs,
-        slip_from=slip_from,
-        links=named_links(links, result.params.n_bodies),
-        limits=limits,
-    )
+    rows = slice(row, row + 1)
+    picture = DrivePicture(result, rows, colour, arcs, slip_from, links, limits)
     ax = style.axes(ax, picture.height)
     ax.set_title(f"t = {result.t[row]:.4g} s", fontsize="medium")
     picture.draw(ax)

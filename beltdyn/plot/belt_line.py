@@ -9,13 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 
-from ..outputs.places import AlongBelt
 from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
 from . import style
 from .labels import rows_of_names
-from .panel import lines, named_pulleys, passes_on
-from .select import Pulleys, sample, with_samples
+from .panel import draws, lines, named_pulleys
+from .select import Pulleys, sample
 
 __all__ = ["arcs", "tension_along"]
 
@@ -23,7 +22,7 @@ __all__ = ["arcs", "tension_along"]
 _PER_LINK = 4
 
 
-@passes_on()
+@draws()
 def tension_along(
     result: Result,
     t: float | Iterable[float] | None = None,
@@ -48,7 +47,6 @@ def tension_along(
         TypeError, ValueError: An argument breaks its rule.
         AttributeError: ``joints.force`` or ``belt`` was not asked for.
     """
-    result = with_samples(result)
     times = list(t) if isinstance(t, Iterable) and not isinstance(t, str) else [t]
     if not times:
         raise ValueError("t must hold at least one time, got none")
@@ -58,31 +56,23 @@ def tension_along(
     found = result._along("joints.force", places, rows)
     ax = style.axes(ax)
     first = not ax.lines
-    texts = [f"t = {result.t[row]:.4g} s" for row in rows]
-    lines(
-        ax,
-        [(k, text, found.s, found.values[k]) for k, text in enumerate(texts)],
-        line,
-    )
-    style.dress(
-        ax, "place along the belt line [m]", QUANTITIES["joints.force"].axis(short="tension")
-    )
+    curves = [
+        (k, f"t = {result.t[row]:.4g} s", found.s, found.values[k]) for k, row in enumerate(rows)
+    ]
+    lines(ax, curves, line)
+    force = QUANTITIES["joints.force"].axis(short="tension")
+    style.dress(ax, "place along the belt line [m]", force)
     ax.set_xlim(0.0, found.length)
     if first:
-        _shade(ax, result, found)
+        for begin, end in found.wraps:
+            ax.axvspan(begin, end, color="0.93", lw=0.0, zorder=0.5)
+        names = [style.plain(name) for name in result.pulleys.names]
+        rows_of_names(ax, found.wraps.mean(axis=1), names)
     style.legend(ax)  # a title would stand among the names of the pulleys
     return ax
 
 
-def _shade(ax: Axes, result: Result, found: AlongBelt) -> None:
-    """Shade the wraps and name them above."""
-    for begin, end in found.wraps:
-        ax.axvspan(begin, end, color="0.93", lw=0.0, zorder=0.5)
-    names = [style.plain(name) for name in result.pulleys.names]
-    rows_of_names(ax, found.wraps.mean(axis=1), names)
-
-
-@passes_on()
+@draws()
 def arcs(
     result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:
@@ -101,7 +91,6 @@ def arcs(
         TypeError, ValueError: An argument breaks its rule.
         AttributeError: An output that :attr:`beltdyn.Result.arcs` needs was not asked for.
     """
-    result = with_samples(result)
     found = result.arcs
     columns, wrap = named_pulleys(result, pulleys), np.degrees(found.wrap)
     ax = style.axes(ax)

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
-from .panel import panel, passes_on
-from .select import Indices, choice, indices, with_samples
+from .panel import draws, panel
+from .select import Indices, choice, indices
 
 __all__ = ["contact_forces", "friction_coefficient", "relative_velocity"]
 
 _FORCES = ("normal", "friction")
 
 
-@passes_on()
+@draws()
 def contact_forces(
     result: Result,
     link: Indices,
@@ -45,7 +45,6 @@ def contact_forces(
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
     chosen = indices("link", link, result.params.n_bodies)
     forces = [which] if isinstance(which, str) else which
     if not isinstance(forces, Sequence):
@@ -61,7 +60,7 @@ def contact_forces(
     return panel(ax, curves, line, y=QUANTITIES["contact.normal"].axis(short="contact force"))
 
 
-@passes_on()
+@draws()
 def friction_coefficient(
     result: Result, link: Indices, *, against: str = "time", ax: Axes | None = None, **line: Any
 ) -> Axes:
@@ -82,14 +81,13 @@ def friction_coefficient(
     Raises:
         TypeError, ValueError: An argument breaks its rule, or the run had no friction.
     """
-    result = with_samples(result)
     choice("against", against, ("time", "slip"))
     if not result.params.has_friction:
         raise ValueError("result must be of a drive with friction, no pulley of it has any")
     return _in_contact(result, link, "contact.mu", against, ax, line)
 
 
-@passes_on()
+@draws()
 def relative_velocity(
     result: Result, link: Indices, *, ax: Axes | None = None, **line: Any
 ) -> Axes:
@@ -106,7 +104,7 @@ def relative_velocity(
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    return _in_contact(with_samples(result), link, "contact.velocity", "time", ax, line)
+    return _in_contact(result, link, "contact.velocity", "time", ax, line)
 
 
 def _in_contact(

@@ -1,28 +1,38 @@
-"""Speeds, torques, tensions and joints over time."""
+"""Speeds, torques, tensions, joints, travel of mounts and energy over time."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from matplotlib.axes import Axes
 
 from ..base.naming import span_names
-from ..outputs.quantity import SPANS
+from ..outputs.quantity import QUANTITIES, SPANS, TIME
 from ..result.result import Result
 from . import style
-from .panel import named_pulleys, over_time, passes_on
-from .select import Indices, Pulleys, indices, with_samples
+from .panel import draws, named_pulleys, over_time, panel
+from .select import Indices, Pulleys, indices
 
 __all__ = [
+    "energy",
     "joint_deformation",
     "joint_force",
     "span_tensions",
     "speeds",
     "torques",
+    "travel",
 ]
 
+_LOSSES = (
+    ("friction_loss", "friction"),
+    ("contact_loss", "contact dampers"),
+    ("joint_loss", "damping of the belt"),
+    ("drag_loss", "bearing drag"),
+)
 
-@passes_on()
+
+@draws()
 def speeds(
     result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:
@@ -40,7 +50,6 @@ def speeds(
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
     columns = named_pulleys(result, pulleys)
     which = [k for k, *_ in columns]
     rims = []
@@ -54,7 +63,7 @@ def speeds(
     return over_time(result, "pulleys.omega", columns, ax, line, more=rims)
 
 
-@passes_on()
+@draws()
 def torques(
     result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:
@@ -69,11 +78,10 @@ def torques(
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
     return over_time(result, "pulleys.torque", named_pulleys(result, pulleys), ax, line)
 
 
-@passes_on()
+@draws()
 def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
     """Draw the mean tension of each free span over time; gaps where a span has no joint.
 
@@ -85,13 +93,12 @@ def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axe
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
     names = span_names(result.pulleys.names, "span {} to {}")
     columns = [(k, k, style.plain(name)) for k, name in enumerate(names)]
     return over_time(result, SPANS, columns, ax, line)
 
 
-@passes_on()
+@draws()
 def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any) -> Axes:
     """Draw the force along joints (2.2) over time: Figs 8b and 15 of the paper.
 
@@ -105,11 +112,10 @@ def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **lin
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
     return over_time(result, "joints.force", _joints(result, joint), ax, line)
 
 
-@passes_on()
+@draws()
 def joint_deformation(
     result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any
 ) -> Axes:
@@ -124,7 +130,6 @@ def joint_deformation(
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    result = with_samples(result)
     columns = _joints(result, joint)
     return over_time(result, "joints.deformation", columns, ax, line, (1e3, "mm"))
 
@@ -134,3 +139,87 @@ def _joints(result: Result, joint: Indices) -> list[tuple[int, int, str]]:
     what = "cell" if result.params._belt_facts["flows"] else "joint"
     which = indices("joint", joint, result.params.n_bodies)
     return [(n, k, f"{what} {k}") for n, k in enumerate(which)]
+
+
+@draws()
+def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
+    """Draw the travel of arms and sliders over time, from the places of the drive.
+
+    Arms in degrees, counter-clockwise, sliders in millimetres along their direction; paths are
+    prescribed and left out.
+
+    Args:
+        result: A run of a drive with mounts, with at least one sample.
+        ax: Axes to draw into; None: those of a new figure.
+        **line: Passed to ``plot``.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule; the drive has no arm and no slider.
+    """
+    params = result.params
+    moving = [(m, k, *mount._row.shown) for m, k, mount in params._moving]
+    if result.mounts is None or not moving:
+        raise ValueError("no pulley of this drive is on an arm or a slider")
+    units = sorted({unit for *_, unit in moving})
+    curves = []
+    for m, k, factor, unit in moving:
+        name = style.plain(result.pulleys.names[k])
+        label = name if len(units) == 1 else f"{name} [{unit}]"
+        curves.append((k, label, result.t, factor * result.mounts.travel[:, m]))
+    return panel(ax, curves, line, y=f"travel from the drawn place [{', '.join(units)}]")
+
+
+@draws()
+def energy(result: Result, *, ax: Axes | None = None) -> Axes:
+    """Draw where the work of the set torques went: losses stacked, stored energy on top.
+
+    Losses and stored energy together differ from the net work of all set torques, motors less
+    loads, by the residual E(t) - E(0) - (drive - losses) alone. The title shows its size, also as a
+    share of the energy transmitted.
+
+    Args:
+        result: A run with at least one sample and its ledger.
+        ax: Axes to draw into; None: those of a new figure.
+
+    Raises:
+        TypeError, ValueError: An argument breaks its rule, or the run carried no ledger.
+    """
+    ledger = result.energy
+    if ledger is None:
+        raise ValueError("result must carry the energy ledger: run simulate with ledger=True")
+    ax = style.axes(ax)
+    base = np.zeros_like(result.t)
+    for k, (name, label) in enumerate(_LOSSES):
+        loss = getattr(ledger, name)
+        if loss is None:
+            continue
+        top = base + loss
+        ax.fill_between(
+            result.t,
+            base,
+            top,
+            facecolor=style.tint(k + 1),
+            edgecolor=style.COLOURS[k + 1],
+            hatch=style.HATCHES[k + 1],
+            linewidth=0.5,
+            label=label,
+        )
+        base = top
+    # E(t) - E(0), where E(0) is that of the start of the run, which may precede the first sample.
+    stored = ledger.residual + ledger.drive - ledger.losses
+    blue = style.COLOURS[0]
+    for values, label, colour, dashes, width in (
+        (base + stored, "losses + stored", blue, "-", 2.4),
+        (ledger.drive, "net work of set torques", "black", (0, (4, 2)), 1.0),
+        (stored, "stored", blue, style.DASHES[3], 1.4),
+    ):
+        ax.plot(result.t, values, color=colour, ls=dashes, lw=width, label=label)
+    worst = float(np.abs(ledger.residual).max())
+    passed = float(ledger.passed[-1])
+    amount = f"{passed:.3g} J" if passed < 1e3 else f"{passed / 1e3:.3g} kJ"
+    share = f", {worst / passed:.1g} of {amount} transmitted" if passed > 0 else ""
+    ax.set_title(f"residual at most {worst:.1g} J{share}", fontsize="small")
+    style.dress(ax, TIME.axis(), QUANTITIES["energy.passed"].axis(short="energy"))
+    style.add_headroom(ax, rows=-(-len(ax.get_legend_handles_labels()[0]) // 2))
+    style.legend(ax, loc="upper left", ncols=2, handlelength=1.6, columnspacing=1.2)
+    return ax

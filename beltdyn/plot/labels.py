@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
@@ -14,7 +15,7 @@ from matplotlib.transforms import Bbox, ScaledTranslation
 from ..base.checks import Array
 from . import style
 
-__all__ = ["per_unit", "place_names", "rows_of_names"]
+__all__ = ["draw_name", "per_unit", "place_names", "rows_of_names"]
 
 #: A name is within the rim if it ends within this share of the radius.
 _WITHIN = 0.84
@@ -30,6 +31,14 @@ _ROWS, _APART, _LINE = 3, 5.0, 2.0
 #: What a point of distance from the pulley weighs, and what :func:`_astray` counts; what is
 #: covered weighs as in :func:`_cost`.
 _FAR, _ASTRAY = 0.05, 15.0
+
+
+def draw_name(ax: Axes, name: str, center: Sequence[float] | Array, **look: Any) -> Text:
+    """Write a name in the middle of its pulley; marks and arms pass beneath it."""
+    halo = [withStroke(linewidth=2.5, foreground=style.METAL)]
+    place: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
+    x, y = map(float, center)
+    return ax.text(x, y, name, **place | {"path_effects": halo} | look)
 
 
 def place_names(
@@ -60,10 +69,10 @@ def place_names(
     if pivots is not None and pivots.size:
         drawn = ax.transData.transform(pivots) * to_points
         taken += [_around(pivot, np.full(2, _PIVOT)) for pivot in drawn]
-    frame = _scaled(ax.get_window_extent(), to_points)
+    frame = _box(ax, to_points)
     beside: list[tuple[int, Array]] = []
     for k, text in enumerate(names):
-        half = _half(text, to_points)
+        half = np.array(_box(text, to_points).size) / 2.0
         off = -marks * max(0.0, half[1] - 0.2 * rims[k])
         if np.hypot(half[0], abs(off) + half[1]) <= _WITHIN * rims[k]:
             _shift(ax, text, np.array([0.0, off]))
@@ -217,17 +226,8 @@ def _shift(ax: Axes, text: Text, offset: Array) -> None:
     text.set_transform(ax.transData + moved)
 
 
-def _scaled(box: Bbox, factor: float) -> Bbox:
-    return Bbox(box.get_points() * factor)
-
-
-def _box(text: Text, to_points: float) -> Bbox:
-    return _scaled(text.get_window_extent(), to_points)
-
-
-def _half(text: Text, to_points: float) -> Array:
-    box = _box(text, to_points)
-    return np.array([box.width, box.height]) / 2.0
+def _box(drawn: Artist, to_points: float) -> Bbox:
+    return Bbox(drawn.get_window_extent().get_points() * to_points)
 
 
 def _around(middle: Array, half: Array) -> Bbox:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle
-from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 
 from ..base.checks import Array
@@ -15,8 +14,9 @@ from ..drive.params import Params
 from ..drive.parts import Pulley, as_pulleys
 from ..drive.route import route
 from . import style
-from .labels import per_unit, place_names
-from .mounting import MountPicture
+from .labels import draw_name, per_unit, place_names
+from .mounting import MountPicture, draw_pulley
+from .panel import draws
 
 __all__ = ["layout"]
 
@@ -24,6 +24,7 @@ __all__ = ["layout"]
 _ARC, _ARROW = 60, 0.9
 
 
+@draws()
 def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
     """Draw the belt line round the pulleys to scale, with wrap angles and lengths of the spans.
 
@@ -46,53 +47,40 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
         pulleys = as_pulleys(drive)
         way, centers = route(pulleys), np.array([pulley.center for pulley in pulleys])
     radii = np.array([[pulley.radius] for pulley in pulleys])
-    reach = np.concatenate([centers - radii, centers + radii, MountPicture.reach(pulleys)])
+    held = MountPicture.reach(pulleys)
+    reach = np.concatenate([centers - radii, centers + radii, held])
     ax = style.axes(ax, style.height_to_scale(np.ptp(reach, axis=0), beside=1.8, below=1.5))
     MountPicture(ax, pulleys).move(centers)
-    names: list[Text] = []
-    # An arm that ends at the axis passes beneath the name.
-    halo = [withStroke(linewidth=2.5, foreground=style.METAL)]
-    tips: list[Array] = []
-    spans: list[Text] = []
+    belt: dict[str, Any] = {"color": style.COLOURS[0], "lw": 2.2}
+    arrow = {"arrowstyle": "-|>", "color": style.COLOURS[0], "lw": 0.0, "mutation_scale": 18.0}
+    box = {"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"}
+    names, spans = [], []
     line: list[Array] = []
-    for k, pulley in enumerate(pulleys):
-        center = x, y = centers[k]
-        ax.add_patch(Circle(center, pulley.radius, fc=style.METAL, ec="0.6", lw=0.8))
+    tips: list[Array] = []
+    for k, (pulley, center) in enumerate(zip(pulleys, centers, strict=True)):
+        draw_pulley(ax, center, pulley.radius)
         begins = np.arctan2(*(way.arrive[k] - center)[::-1])
         angle = begins + way.senses[k] * np.linspace(0.0, way.wraps[k], _ARC)
         arc = center[:, None] + pulley.radius * np.array([np.cos(angle), np.sin(angle)])
-        ax.plot(*arc, color=style.COLOURS[0], lw=2.2, solid_capstyle="round")
+        ax.plot(*arc, solid_capstyle="round", **belt)
         wrap = f"{style.title(k, pulley)}\n{np.degrees(way.wraps[k]):.0f}°"
-        names.append(
-            ax.text(x, y, wrap, path_effects=halo, ha="center", va="center", fontsize="small")
-        )
+        names.append(draw_name(ax, wrap, center))
         line.append(arc.T)
         if len(pulleys) > 1:
             after = (k + 1) % len(pulleys)
-            begin, end = way.leave[k], way.arrive[after]
-            ax.plot(*np.array([begin, end]).T, color=style.COLOURS[0], lw=2.2)
-            tip = begin + _ARROW * (end - begin)
-            tail = begin + (_ARROW - 0.05) * (end - begin)
-            look = {"arrowstyle": "-|>", "color": style.COLOURS[0], "lw": 0.0}
-            arrow = {**look, "mutation_scale": 18.0}
-            ax.annotate("", tip, tail, arrowprops=arrow)
-            tips.append(tip)
+            begin, along = way.leave[k], way.arrive[after] - way.leave[k]
+            ax.plot(*np.array([begin, way.arrive[after]]).T, **belt)
+            tips.append(begin + _ARROW * along)
+            tail = begin + (_ARROW - 0.05) * along
+            ax.annotate("", tuple(tips[-1]), tuple(tail), arrowprops=arrow)
             share = 0.5
             if way.turns == 0 and way.senses[k] != way.senses[after]:
                 # Where crossed spans meet no label fits: in the middle of the longer part.
                 meets = pulley.radius / (pulley.radius + pulleys[after].radius)
                 share = 0.5 * (meets + (meets < 0.5))
-            at = begin + share * (end - begin)
-            label = ax.text(
-                at[0],
-                at[1],
-                f"{way.spans[k]:.3g} m" if way.spans[k] >= 1.0 else f"{1e3 * way.spans[k]:.0f} mm",
-                ha="center",
-                va="center",
-                fontsize="small",
-                bbox={"boxstyle": "square,pad=0.1", "fc": "white", "ec": "none"},
-            )
-            spans.append(label)
+            length = way.spans[k]
+            text = f"{length:.3g} m" if length >= 1.0 else f"{1e3 * length:.0f} mm"
+            spans.append(draw_name(ax, text, begin + share * along, bbox=box, path_effects=None))
     style.dress(ax, "x [m]", "y [m]")
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.12)
@@ -107,7 +95,7 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
         np.concatenate(line),
         fixed=kept,
         # Names cover neither arrows nor mounts.
-        pivots=np.concatenate([np.array(tips).reshape(-1, 2), MountPicture.reach(pulleys)]),
+        pivots=np.concatenate([np.array(tips).reshape(-1, 2), held]),
     )
     return ax
 

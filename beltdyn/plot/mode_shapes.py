@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
 from ..base.checks import Array, integer, positive
@@ -18,8 +17,9 @@ from ..outputs.spans import lines_of_cells
 from ..vibration import FrequencyResponse, Modes
 from . import style
 from .animation import Animation
-from .labels import place_names
-from .mounting import MountPicture
+from .labels import draw_name, place_names
+from .mounting import MountPicture, draw_pulley
+from .panel import draws
 from .select import choice, pulley_indices
 
 __all__ = ["animate_mode", "frequency_response", "mode"]
@@ -33,17 +33,16 @@ class _ModePicture:
 
     def __init__(self, ax: Axes, modes: Modes, k: int, scale: float) -> None:
         self.modes, self.k, self.ax = modes, k, ax
-        self.params, state = modes.params, modes.state
-        self.centers = np.array(self.params.centers(state.travel))
+        self.params = modes.params
+        self.centers = np.array(self.params.centers(modes.state.travel))
         self.nodes = _nodes(modes)
         self.rest = self._line(self.nodes, self.centers)
-        self.size = float(max(np.ptp(self.rest[0]), np.ptp(self.rest[1])))
-        self.scale = scale * _LARGEST * self.size
+        self.scale = positive("scale", scale, "1") * _LARGEST * float(np.ptp(self.rest, 1).max())
         ax.plot(*self.rest, color="0.72", lw=1.0, label="at rest")
-        for k_p, pulley in enumerate(self.params.pulleys):
-            ax.add_patch(
-                Circle(tuple(self.centers[k_p]), pulley.radius, fc="none", ec="0.8", lw=0.8)
-            )
+        for center, radius in zip(self.centers, self.params._radii, strict=True):
+            draw_pulley(ax, center, radius, fc="none", ec="0.8")
+        self.mounts = MountPicture(ax, self.params.pulleys)
+        self.mounts.move(self.centers)
 
     def _line(self, points: Array, axes: Array, deflection: Array | None = None) -> Array:
         """Return the closed belt line (2, n) through links, or where cells begin (2, n_b)."""
@@ -58,13 +57,6 @@ class _ModePicture:
         across = self.scale * (shapes.deflection[k] * phase).real
         return self._line(self.nodes + self.scale * moved, self.axes_at(phase), across)
 
-    def turns(self, phase: complex) -> Array:
-        """Angles of the marks [rad]: the rims move as far as the belt, at most by _TURN."""
-        theta = self.modes.shapes.theta[self.k]
-        largest = self.scale * abs(theta).max()
-        less = min(1.0, _TURN / largest) if largest > 0.0 else 1.0
-        return np.asarray(less * self.scale * (theta * phase).real)
-
     def axes_at(self, phase: complex) -> Array:
         """Axes of the pulleys, exaggerated: along what their mounts do for a small travel."""
         travel = np.array(self.modes.state.travel)
@@ -75,14 +67,19 @@ class _ModePicture:
         step = np.array(self.params.centers(travel + h * small)) - self.centers
         return np.asarray(self.centers + self.scale * step / h)
 
-    def mark(self, k: int, turn: float, center: Array) -> Array:
-        """Return a radius of a pulley as a line."""
-        reach = self.params.pulleys[k].radius * np.array([-np.sin(turn), np.cos(turn)])
-        return np.column_stack([center + 0.35 * reach, center + reach])
+    def marks(self, phase: complex) -> list[Array]:
+        """Return a radius of each pulley as a line: rims move as far as the belt, or _TURN."""
+        theta = self.modes.shapes.theta[self.k]
+        largest = self.scale * abs(theta).max()
+        less = min(1.0, _TURN / largest) if largest > 0.0 else 1.0
+        turns = less * self.scale * (theta * phase).real
+        reach = self.params._radii[:, None] * np.column_stack([-np.sin(turns), np.cos(turns)])
+        ends = zip(self.axes_at(phase), reach, strict=True)
+        return [np.column_stack([center + 0.35 * mark, center + mark]) for center, mark in ends]
 
     def dress(self) -> None:
-        """Set limits and the title."""
-        ax, modes, k = self.ax, self.modes, self.k
+        """Set limits, the title and what is below the axes; name the pulleys, the last of it."""
+        ax, modes, k, pulleys = self.ax, self.modes, self.k, self.params.pulleys
         style.dress(ax, "x [m]", "y [m]")
         ax.set_aspect("equal", adjustable="datalim")
         ax.margins(0.08)
@@ -91,20 +88,17 @@ class _ModePicture:
             f"mode {k}: {modes.frequency[k]:.4g} Hz, damping {percent(modes.damping[k])}\n"
             f"{style.plain(modes.names[k])}",
         )
-
-    def place_names(self) -> None:
-        """Name the pulleys; the last of the layout."""
-        pulleys = self.params.pulleys
-        halo = withStroke(linewidth=2.0, foreground="white", alpha=0.8)
-        look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small", "zorder": 6}
+        handles = ax.get_legend_handles_labels()[0]
+        if len(handles) > 1:
+            style.legend_below(ax, handles)
+        halo = [withStroke(linewidth=2.0, foreground="white", alpha=0.8)]
         names = [
-            self.ax.text(x, y, style.title(k, pulley), path_effects=[halo], **look)
-            for k, (pulley, (x, y)) in enumerate(zip(pulleys, self.centers, strict=True))
+            draw_name(ax, style.title(k, pulley), center, path_effects=halo, zorder=6)
+            for k, (pulley, center) in enumerate(zip(pulleys, self.centers, strict=True))
         ]
-        lines = np.hstack([self.belt(1.0), self.belt(-1.0)]).T
-        radii = np.array([pulley.radius for pulley in pulleys])
+        lines, radii = np.hstack([self.belt(1.0), self.belt(-1.0)]).T, self.params._radii
         pivots = MountPicture.reach(pulleys)
-        place_names(self.ax, names, self.centers, radii, lines, marks=1, pivots=pivots)
+        place_names(ax, names, self.centers, radii, lines, marks=1, pivots=pivots)
 
 
 def _nodes(modes: Modes) -> Array:
@@ -118,6 +112,7 @@ def _height(modes: Modes) -> float:
     return style.height_to_scale(np.ptp(_nodes(modes), axis=1), beside=1.3, below=1.8)
 
 
+@draws()
 def mode(modes: Modes, k: int = 0, *, scale: float = 1.0, ax: Axes | None = None) -> Axes:
     """Draw a mode: the belt, exaggerated, at two opposite phases over the line at rest.
 
@@ -133,25 +128,21 @@ def mode(modes: Modes, k: int = 0, *, scale: float = 1.0, ax: Axes | None = None
         TypeError, ValueError: An argument breaks its rule.
     """
     ax = style.axes(ax, _height(modes))
-    k = integer("k", k, 0, len(modes) - 1)
-    picture = _ModePicture(ax, modes, k, positive("scale", scale, "1"))
+    picture = _ModePicture(ax, modes, integer("k", k, 0, len(modes) - 1), scale)
     for side, (phase, words) in enumerate(((1.0, "one end"), (-1.0, "half a period later"))):
         look: dict[str, Any] = style.line_style(side)
         ax.plot(*picture.belt(phase), lw=1.8, label=words, **look)
+        for mark in picture.marks(phase):
+            ax.plot(*mark, lw=1.8, **look)
         centers = picture.axes_at(phase)
-        for j, turn in enumerate(picture.turns(phase)):
-            ax.plot(*picture.mark(j, turn, centers[j]), lw=1.8, **look)
-            if j in modes.params.mounted:
-                radius = modes.params.pulleys[j].radius
-                ax.add_patch(Circle(tuple(centers[j]), radius, fc="none", ec=look["color"], lw=0.8))
-    MountPicture(ax, modes.params.pulleys).move(picture.centers)
+        for j in modes.params.mounted:
+            radius = modes.params.pulleys[j].radius
+            draw_pulley(ax, centers[j], radius, fc="none", ec=look["color"])
     picture.dress()
-    handles, _ = ax.get_legend_handles_labels()
-    style.legend_below(ax, handles)
-    picture.place_names()
     return ax
 
 
+@draws()
 def animate_mode(
     modes: Modes, k: int = 0, *, scale: float = 1.0, duration: float = 2.0, fps: float = 20.0
 ) -> Animation:
@@ -169,28 +160,21 @@ def animate_mode(
     """
     k = integer("k", k, 0, len(modes) - 1)
     frames = max(2, round(positive("duration", duration, "s") * positive("fps", fps, "1/s")))
-    figure = style.own_figure(height=_height(modes))
+    figure = style.new_figure(height=_height(modes), own=True)
     ax = figure.add_subplot()
-    picture = _ModePicture(ax, modes, k, positive("scale", scale, "1"))
+    picture = _ModePicture(ax, modes, k, scale)
     (belt,) = ax.plot(*picture.belt(1.0), lw=1.8, color=style.COLOURS[0])
-    marks = [
-        ax.plot(*picture.mark(j, 0.0, picture.centers[j]), lw=1.8, color=style.COLOURS[1])[0]
-        for j in range(len(modes.params.pulleys))
-    ]
-    mounts = MountPicture(ax, modes.params.pulleys)
-    mounts.move(picture.centers)
+    look: dict[str, Any] = {"lw": 1.8, "color": style.COLOURS[1]}
+    marks = [ax.plot(*mark, **look)[0] for mark in picture.marks(0.0)]
     ax.plot(*picture.belt(-1.0), alpha=0.0)  # so that the limits hold both ends
     picture.dress()
-    picture.place_names()
-    figure.freeze_layout()
 
     def show(row: np.int64) -> list[Artist]:
         phase = complex(np.exp(2j * np.pi * int(row) / frames))
         belt.set_data(*picture.belt(phase))
-        centers = picture.axes_at(phase)
-        for j, turn in enumerate(picture.turns(phase)):
-            marks[j].set_data(*picture.mark(j, turn, centers[j]))
-        return [belt, *marks, *mounts.move(centers)]
+        for drawn, mark in zip(marks, picture.marks(phase), strict=True):
+            drawn.set_data(*mark)
+        return [belt, *marks, *picture.mounts.move(picture.axes_at(phase))]
 
     return Animation(figure, show, np.arange(frames, dtype=np.int64), frames / duration)
 
@@ -210,6 +194,7 @@ _QUANTITIES = {
 }
 
 
+@draws()
 def frequency_response(
     response: FrequencyResponse,
     output: str = "theta",

@@ -1,4 +1,4 @@
-"""Drawings of arms, sliders and paths, and their travel over time."""
+"""Drawings of pulleys, arms, sliders and paths, to scale."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ from typing import Any
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.patches import Circle
 
 from ..base.checks import Array
 from ..drive.parts import Pulley
-from ..result.result import Result
 from . import style
-from .panel import panel, passes_on
-from .select import with_samples
 
-__all__ = ["MountPicture", "travel"]
+__all__ = ["MountPicture", "draw_pulley"]
 
 #: How parts of mounts look; an arrow has a look of its own.
 _STYLES: dict[str, dict[str, Any]] = {
@@ -37,6 +35,15 @@ def _drawn(pulleys: Iterable[Pulley]) -> list[tuple[int, str, Array]]:
         if (mount := pulley.mount) is not None
         for part, points in mount._drawn(np.array(pulley.center), pulley.radius).items()
     ]
+
+
+def draw_pulley(ax: Axes, center: Sequence[float] | Array, radius: float, **look: Any) -> Circle:
+    """Draw a pulley to scale; ``look`` goes to the patch."""
+    metal: dict[str, Any] = {"fc": style.METAL, "ec": "0.6", "lw": 0.8}
+    x, y = map(float, center)
+    rim = Circle((x, y), radius, **metal | look)
+    ax.add_patch(rim)
+    return rim
 
 
 class MountPicture:
@@ -64,31 +71,3 @@ class MountPicture:
         """Return points that a picture must hold besides belt and pulleys: pivots, tips (n, 2)."""
         held = [points for _, part, points in _drawn(pulleys) if part != "way"]
         return np.concatenate([np.empty((0, 2)), *held])
-
-
-@passes_on()
-def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
-    """Draw the travel of arms and sliders over time, from the places of the drive.
-
-    Arms in degrees, counter-clockwise, sliders in millimetres along their direction; paths are
-    prescribed and left out.
-
-    Args:
-        result: A run of a drive with mounts, with at least one sample.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: Passed to ``plot``.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule; the drive has no arm and no slider.
-    """
-    params = with_samples(result).params
-    moving = [(m, k, *mount._row.shown) for m, k, mount in params._moving]
-    if result.mounts is None or not moving:
-        raise ValueError("no pulley of this drive is on an arm or a slider")
-    units = sorted({unit for *_, unit in moving})
-    curves = []
-    for m, k, factor, unit in moving:
-        name = style.plain(result.pulleys.names[k])
-        label = name if len(units) == 1 else f"{name} [{unit}]"
-        curves.append((k, label, result.t, factor * result.mounts.travel[:, m]))
-    return panel(ax, curves, line, y=f"travel from the drawn place [{', '.join(units)}]")

@@ -14,9 +14,9 @@ from ..base.checks import Array, close_to
 from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
 from . import style
-from .select import Pulleys, pulley_indices
+from .select import Pulleys, pulley_indices, with_samples
 
-__all__ = ["Curve", "lines", "named_pulleys", "over_time", "panel", "passes_on"]
+__all__ = ["Curve", "draws", "lines", "named_pulleys", "over_time", "panel"]
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -25,25 +25,30 @@ _R = TypeVar("_R")
 Curve = tuple[int, str, Array, Array]
 
 
-def passes_on(
+def draws(
     *artists: type, to: Sequence[Callable[..., Any]] = (Axes.plot,)
 ) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Refuse keywords of a function that matplotlib, to which they go, does not know either."""
-    setters = {name[4:] for one in artists or (Line2D,) for name in dir(one) if name[:4] == "set_"}
+    """Check the result that a function draws and its keywords, some of which matplotlib takes."""
+    takers = artists or (Line2D,)
+    setters = {name[4:] for one in takers for name in dir(one) if name[:4] == "set_"}
     theirs = setters.union(*(signature(one).parameters for one in to)) - {"args", "kwargs", "self"}
 
     def decorate(draw: Callable[_P, _R]) -> Callable[_P, _R]:
-        known = [name for name in signature(draw).parameters]
+        own = signature(draw).parameters
+        passed_on = any(one.kind is one.VAR_KEYWORD for one in own.values())
+        known = [*own, *(theirs if passed_on else ())]
+        nor = f", nor has {' and '.join(one.__name__ for one in takers)} of matplotlib"
 
         @wraps(draw)
         def checked(*args: _P.args, **given: _P.kwargs) -> _R:
             for name in given:
-                if name not in known and name not in theirs:
-                    what = " and ".join(one.__name__ for one in artists or (Line2D,))
+                if name not in known:
                     raise TypeError(
-                        f"{draw.__name__} has no argument {name!r}, nor has {what} of matplotlib"
-                        f"{close_to(name, [*known, *theirs])}"
+                        f"{draw.__name__} has no argument {name!r}{nor if passed_on else ''}"
+                        f"{close_to(name, known)}"
                     )
+            if "result" in own and (args or "result" in given):
+                with_samples(args[0] if args else given["result"])
             return draw(*args, **given)
 
         return checked

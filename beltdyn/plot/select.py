@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import reprlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +20,7 @@ __all__ = [
     "indices",
     "named_links",
     "pulley_indices",
+    "runs",
     "sample",
     "with_samples",
 ]
@@ -49,11 +52,16 @@ def sample(result: Result, t: float | None) -> int:
     return int(np.argmin(np.abs(times - time)))
 
 
-def indices(name: str, value: object, count: int) -> list[int]:
-    """Check one index or a sequence of them, from 0 to ``count`` - 1."""
+def indices(name: str, value: object, count: int, names: Sequence[str] = ()) -> list[int]:
+    """Check one index or a sequence of them, from 0 to ``count`` - 1, or one of ``names``."""
+
+    def index(field: str, one: object) -> int:
+        named = names and isinstance(one, str) and not one.isdecimal()
+        return index_of(field, one, names) if named else integer(field, one, 0, count - 1)
+
     if isinstance(value, str) or not isinstance(value, Iterable):
-        return [integer(name, value, 0, count - 1)]
-    found = [integer(f"{name}[{k}]", one, 0, count - 1) for k, one in enumerate(value)]
+        return [index(name, value)]
+    found = [index(f"{name}[{k}]", one) for k, one in enumerate(value)]
     if not found:
         raise ValueError(f"{name} must hold at least one index, got none")
     return found
@@ -61,17 +69,8 @@ def indices(name: str, value: object, count: int) -> list[int]:
 
 def pulley_indices(value: object, names: Sequence[str]) -> list[int]:
     """Check one pulley or a sequence of them, by name or index; all for None."""
-    if value is None:
-        return list(range(len(names)))
-
-    def index(name: str, one: object) -> object:
-        is_name = isinstance(one, str) and not one.isdecimal()
-        return index_of(name, one, names) if is_name else one
-
-    if isinstance(value, str) or not isinstance(value, Iterable):
-        return indices("pulleys", index("pulleys", value), len(names))
-    found = [index(f"pulleys[{k}]", one) for k, one in enumerate(value)]
-    return indices("pulleys", found, len(names))
+    every = list(range(len(names)))
+    return every if value is None else indices("pulleys", value, len(names), names)
 
 
 def named_links(links: Indices | Mapping[str, int] | None, count: int) -> dict[str, int]:
@@ -79,9 +78,8 @@ def named_links(links: Indices | Mapping[str, int] | None, count: int) -> dict[s
     if links is None:
         return {}
     if isinstance(links, Mapping):
-        return {
-            str(name): integer(f"links[{name!r}]", k, 0, count - 1) for name, k in links.items()
-        }
+        last = count - 1
+        return {str(name): integer(f"links[{name!r}]", k, 0, last) for name, k in links.items()}
     return {f"link {k}": k for k in indices("links", links, count)}
 
 
@@ -90,3 +88,10 @@ def choice(name: str, value: object, options: Sequence[str | None]) -> None:
     if not (value is None or isinstance(value, str)) or value not in options:
         words = ", ".join(repr(option) for option in options)
         raise ValueError(f"{name} must be one of {words}, got {reprlib.repr(value)}")
+
+
+def runs(values: Any) -> Iterator[tuple[int, int, int]]:
+    """Yield begin, end and value of every run of equal values."""
+    edges = [0, *(np.flatnonzero(np.diff(values)) + 1).tolist(), len(values)]
+    for begin, end in pairwise(edges):
+        yield begin, end, int(values[begin])

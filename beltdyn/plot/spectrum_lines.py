@@ -10,17 +10,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.font_manager import FontProperties
-from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 
-from ..base.checks import Array, integer, pair, positive, real, real_array, shown
+from ..base.checks import Array, pair, positive, real, real_array, shown
 from ..base.naming import index_of
 from ..result.result import Result
 from ..spectra import Spectrogram, Spectrum, folded, speed_spectra
 from ..spectra import spectrum as spectrum_of
 from . import style
-from .panel import lines, passes_on
-from .select import with_samples
+from .panel import draws, lines
 
 __all__ = ["campbell", "spectrum"]
 
@@ -35,7 +33,7 @@ _DECADES = 2.0
 _STILL, _SLICES = 1e-3, 3
 
 
-@passes_on()
+@draws()
 def spectrum(
     result: Result,
     output: str = "span_tension",
@@ -82,15 +80,13 @@ def spectrum(
             too few.
         AttributeError: The run was not asked for this output.
     """
-    result = with_samples(result)
-    integer("count", count, 0)
     high = None if up_to is None else positive("up_to", up_to, "Hz")
     found = spectrum_of(
         result, output, last=last, span=span, pulley=pulley, joint=joint, link=link, mount=mount
     )
+    named = found.lines(count)
     ax = style.axes(ax)
     lines(ax, [(0, style.plain(found.label), found.frequency, found.amplitude)], line)
-    named = found.lines(count)
     if high is None:
         tops = [1.15 * one.frequency for one in named]
         links = [one for one in found.sources if one.kind == "link"]
@@ -166,6 +162,7 @@ def _mark_passing(ax: Axes, found: Spectrum, high: float) -> None:
             )
 
 
+@draws()
 def campbell(
     result: Result,
     output: str = "span_tension",
@@ -214,10 +211,10 @@ def campbell(
             speed that does not change.
         AttributeError: The run was not asked for this output, or not for "pulleys.omega".
     """
-    result = with_samples(result)
     multiples = [positive(f"orders[{k}]", order) for k, order in enumerate(orders)]
     ends = None if limits is None else _ends(limits)
-    frequencies = _entries(modes)
+    index = index_of("over", over, result.params.pulley_names)
+    frequencies = _entries(modes, index)
     found = speed_spectra(
         result,
         output,
@@ -229,7 +226,6 @@ def campbell(
         link=link,
         mount=mount,
     )
-    index = index_of("over", over, result.params.pulley_names)
     name = result.params.pulley_names[index]
     _check_speeds(result, found, index)
     speed, amplitude = _by_speed(found)
@@ -255,15 +251,14 @@ def campbell(
     ax.set_ylim(0.0, high)
     for k in multiples:
         _order(ax, speed, k * speed / (2.0 * np.pi), f"{k:g}", high)
-    handles = (
-        [Line2D([], [], label=f"orders of {style.plain(name)}", **_ORDER)] if multiples else []
-    )
-    handles += _passing(ax, found, speed, high)
-    handles += _modes(ax, frequencies, _RPM * speed, index, high)
+    if multiples:
+        ax.plot([], [], label=f"orders of {style.plain(name)}", **_ORDER)
+    _passing(ax, found, speed, high)
+    _modes(ax, frequencies, _RPM * speed, high)
     style.dress(ax, f"speed of {style.plain(name)} [rpm]", "frequency [Hz]")
     ax.grid(False)
     ax.set_title(style.plain(found.label), fontsize="medium")
-    style.legend_below(ax, handles)
+    style.legend_below(ax, ax.get_legend_handles_labels()[0])
     style.settle_layout(ax)
     return ax
 
@@ -282,12 +277,13 @@ def _ends(limits: object) -> tuple[float, float]:
     return low, high
 
 
-def _entries(modes: Any) -> list[Any]:
-    """Check natural frequencies: modes, or pairs of a speed and frequencies there."""
-    entries: list[Any] = []
+def _entries(modes: Any, pulley: int) -> list[tuple[float | None, Array]]:
+    """Check modes, or pairs of a speed and frequencies there; return pairs, None: any speed."""
+    entries: list[tuple[float | None, Array]] = []
     for k, one in enumerate(list(modes) if isinstance(modes, (list, tuple)) else [modes]):
         if hasattr(one, "frequency"):
-            entries.append(one)
+            speed = float(one.state.omega[pulley]) if one.speed else None
+            entries.append((speed, np.atleast_1d(one.frequency)))
             continue
         if not isinstance(one, (list, tuple)) or len(one) != 2:
             raise TypeError(
@@ -354,58 +350,41 @@ def _order(ax: Axes, speed: Array, frequency: Array, label: str, high: float) ->
         )
 
 
-def _passing(ax: Axes, found: Spectrogram, speed: Array, high: float) -> list[Line2D]:
-    """Draw the lines of belt and link passing; return their legend entries."""
+def _passing(ax: Axes, found: Spectrogram, speed: Array, high: float) -> None:
+    """Draw the lines of belt and link passing."""
     turning = found.speed > 0.05 * found.speed.max()
     ratio = float(np.mean(found.belt[turning] / found.speed[turning]))
     if not np.isfinite(ratio):
-        return []
-    handles = []
+        return
     belt: dict[str, Any] = {"color": _BELT, "lw": 1.2, "ls": (0, (6, 1.5, 1, 1.5))}
-    ax.plot(_RPM * speed, ratio * speed, zorder=2, **belt)
-    handles.append(Line2D([], [], label="belt passing", **belt))
-    if not found.n_bodies:
-        return handles
-    link: dict[str, Any] = {"color": _LINK, "lw": 1.2, "ls": (0, (4, 2))}
+    ax.plot(_RPM * speed, ratio * speed, zorder=2, label="belt passing", **belt)
     fine = np.linspace(speed[0], speed[-1], 2000)
     at = ratio * found.n_bodies * fine
     place = np.asarray(folded(at, 2.0 * found.limit))
     seen = place <= high
-    if seen.any():
-        ax.plot(_RPM * fine, np.where(seen, place, np.nan), zorder=2, **link)
-        words = "link passing: the mesh"
+    if found.n_bodies and seen.any():
+        link: dict[str, Any] = {"color": _LINK, "lw": 1.2, "ls": (0, (4, 2))}
+        link["label"] = "link passing: the mesh"
         if (at[seen] > found.limit).any():
-            words += ", folded"
-        handles.append(Line2D([], [], label=words, **link))
-    return handles
+            link["label"] += ", folded"
+        ax.plot(_RPM * fine, np.where(seen, place, np.nan), zorder=2, **link)
 
 
-def _modes(ax: Axes, entries: list[Any], rpm: Array, pulley: int, high: float) -> list[Line2D]:
-    """Draw natural frequencies over speed; return a legend entry if any is in the picture."""
-    if not entries:
-        return []
+def _modes(ax: Axes, entries: list[tuple[float | None, Array]], rpm: Array, high: float) -> None:
+    """Draw natural frequencies over speed; the legend names them if any is in the picture."""
     look: dict[str, Any] = {"color": style.COLOURS[3], "lw": 1.1, "ls": "-"}
-    pairs: list[tuple[float, Array]] = []
-    drawn = False
-    for one in entries:
-        if hasattr(one, "frequency") and one.speed:
-            pairs.append((_RPM * abs(float(one.state.omega[pulley])), one.frequency))
-        elif hasattr(one, "frequency"):
-            seen = np.atleast_1d(one.frequency)
-            drawn = drawn or bool((seen <= high).any())
-            for at in seen[seen <= high]:
-                ax.plot(rpm[[0, -1]], [at, at], zorder=2.5, **look)
-        else:
-            speed, frequencies = one
-            pairs.append((_RPM * abs(float(speed)), np.atleast_1d(frequencies)))
+    level = [values for speed, values in entries if speed is None]
+    pairs = [(_RPM * abs(speed), values) for speed, values in entries if speed is not None]
     pairs.sort(key=lambda pair: pair[0])
-    if pairs and len({pair[1].size for pair in pairs}) == 1:
-        at, values = [pair[0] for pair in pairs], np.array([pair[1] for pair in pairs])
-        if len(pairs) == 1:
-            at, values = list(rpm[[0, -1]]), np.repeat(values, 2, axis=0)
-        ax.plot(at, values, marker="o" if len(pairs) > 1 else "", ms=3, zorder=2.5, **look)
+    if len(pairs) == 1:
+        level.append(pairs.pop()[1])
+    for values in level:
+        ax.plot(rpm[[0, -1]], [values[values <= high]] * 2, zorder=2.5, **look)
+    if len({values.size for _, values in pairs}) == 1:
+        at, lines_of = zip(*pairs, strict=True)
+        ax.plot(at, np.array(lines_of), marker="o", ms=3, zorder=2.5, **look)
     else:
         for place, values in pairs:
             ax.plot(np.full(values.size, place), values, "o", ms=3, zorder=2.5, color=look["color"])
-    drawn = drawn or any((values <= high).any() for _, values in pairs)
-    return [Line2D([], [], label="natural frequencies", **look)] if drawn else []
+    if any((values <= high).any() for _, values in entries):
+        ax.plot([], [], label="natural frequencies", **look)

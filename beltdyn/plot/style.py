@@ -16,7 +16,6 @@ from matplotlib.cbook import normalize_kwargs
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
-from matplotlib.layout_engine import LayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.transforms import Bbox, ScaledTranslation
 
@@ -35,11 +34,11 @@ __all__ = [
     "draw_line",
     "dress",
     "height_to_scale",
+    "leave_free",
     "legend",
     "legend_below",
     "line_style",
     "new_figure",
-    "own_figure",
     "plain",
     "room_below",
     "set_title_within",
@@ -66,37 +65,23 @@ _MANY_POINTS = 100_000
 class OwnFigure(Figure):
     """A figure that a notebook shows without pyplot."""
 
-    _frozen = False
-
-    def freeze_layout(self) -> None:
-        """Compute the layout now and keep it, because it takes as long as drawing."""
-        self.draw_without_rendering()
-        self._frozen = True
-
-    def get_layout_engine(self) -> LayoutEngine | None:
-        """Return the layout engine of the figure, None once it has run."""
-        return None if self._frozen else super().get_layout_engine()
-
     def _repr_png_(self) -> bytes:
         file = io.BytesIO()
         self.savefig(file, format="png")
         return file.getvalue()
 
 
-def own_figure(width: float = 6.4, height: float = 4.0) -> OwnFigure:
-    """Make a figure that pyplot does not know [inch]."""
-    return OwnFigure(figsize=(width, height), layout="constrained")
-
-
-def new_figure(width: float = 6.4, height: float = 4.0, dpi: float | None = None) -> OwnFigure:
-    """Make a figure [inch]; where pyplot is in use it is also pyplot's current one.
+def new_figure(
+    width: float = 6.4, height: float = 4.0, dpi: float | None = None, own: bool = False
+) -> OwnFigure:
+    """Make a figure [inch]; where pyplot is in use it is its current one, unless ``own``.
 
     Not in notebooks, which show figures by themselves, nor in threads, where windows do not work.
     """
     pyplot: Any = sys.modules.get("matplotlib.pyplot")
     in_use = hasattr(pyplot, "figure") and threading.current_thread() is threading.main_thread()
     look: dict[str, Any] = {"figsize": (width, height), "dpi": dpi, "layout": "constrained"}
-    if not in_use or "inline" in matplotlib.get_backend():
+    if own or not in_use or "inline" in matplotlib.get_backend():
         return OwnFigure(**look)
     figure: OwnFigure = pyplot.figure(FigureClass=OwnFigure, **look)
     return figure
@@ -165,18 +150,23 @@ def set_title_within(ax: Axes, text: str) -> None:
     for size in ("medium", "small", "x-small"):
         for words in (text, text.replace("; ", ";\n")):
             box = ax.set_title(words, fontsize=size).get_window_extent()
-            if box.x0 >= 0.0 and box.x1 <= _root(ax).bbox.x1:
+            if box.x0 >= 0.0 and box.x1 <= ax.figure.figure.bbox.x1:
                 return
 
 
 def add_headroom(ax: Axes, rows: int) -> None:
     """Leave the height of this many rows of small text free above the data."""
-    share = min(_share(ax, rows), 0.6)
+    leave_free(ax, min(_share(ax, rows), 0.6), above=True)
+
+
+def leave_free(ax: Axes, share: float, *, above: bool) -> None:
+    """Leave this share of the height free above the data, or below."""
     scale = ax.yaxis.get_transform()
     low, high = scale.transform(ax.get_ylim())
-    top = scale.inverted().transform(high + (high - low) * share / (1.0 - share))
+    room = (high - low) * share / (1.0 - share)
+    end = float(scale.inverted().transform(high + room if above else low - room))
     # auto: limits still adapt to lines drawn later.
-    ax.set_ylim(ax.get_ylim()[0], float(top), auto=True)
+    ax.set_ylim(None if above else end, end if above else None, auto=True)
 
 
 def _share(ax: Axes, rows: int) -> float:
@@ -184,14 +174,10 @@ def _share(ax: Axes, rows: int) -> float:
     return (1.5 * rows + 0.8) * _points("small") / _height(ax)
 
 
-def _root(ax: Axes) -> Figure:
-    """Return the figure, of a subfigure the one that holds it."""
-    figure: Figure = ax.figure.figure
-    return figure
-
-
 def _height(ax: Axes) -> float:
-    return float(72.0 * _root(ax).get_size_inches()[1] * ax.get_position(original=True).height)
+    return float(
+        72.0 * ax.figure.figure.get_size_inches()[1] * ax.get_position(original=True).height
+    )
 
 
 def _points(size: str) -> float:
@@ -224,7 +210,7 @@ def legend(ax: Axes, **options: Any) -> None:
         smaller = _points(size) / _points("small")
         columns = max(1, int(width / (smaller * box.width)))
         rows = int(np.ceil(smaller * -(-len(handles) // columns)))
-        if _share(ax, rows) <= most or _root(ax).get_layout_engine() is None:
+        if _share(ax, rows) <= most or ax.figure.figure.get_layout_engine() is None:
             add_headroom(ax, rows)
             look |= {"fontsize": size} if size != "small" else {}
             ax.legend(**look, loc="upper left", ncols=columns)
@@ -241,7 +227,7 @@ def _covers_data(ax: Axes, box: Bbox) -> bool:
 
 def settle_layout(ax: Axes) -> None:
     """Run the layout, as drawing does: twice for an equal aspect, which it applies after it."""
-    figure = _root(ax)
+    figure = ax.figure.figure
     engine = figure.get_layout_engine()
     for _ in range(1 if ax.get_aspect() == "auto" else 2):
         if engine is not None:
@@ -252,7 +238,7 @@ def settle_layout(ax: Axes) -> None:
 
 def room_below(ax: Axes, rows: int) -> dict[str, float]:
     """Return the ``pad`` of a colour bar below a legend in figures without a layout engine."""
-    if _root(ax).get_layout_engine() is not None:
+    if ax.figure.figure.get_layout_engine() is not None:
         return {}
     points = _legend_below() + (1.6 * rows + 1.3) * _points("small")
     return {"pad": min(points / _height(ax), 0.5)}
@@ -260,7 +246,7 @@ def room_below(ax: Axes, rows: int) -> dict[str, float]:
 
 def legend_below(ax: Axes, handles: Sequence[Artist], columns: int = LEGEND_COLUMNS) -> None:
     """Put a legend beneath the label of the x axis, in as many columns as the axes are wide for."""
-    figure = _root(ax)
+    figure = ax.figure.figure
     down = ScaledTranslation(0.0, -_legend_below() / 72.0, figure.dpi_scale_trans)
     settle_layout(ax)
     # Wider than the axes, it would take the room from them in a layout that is computed.

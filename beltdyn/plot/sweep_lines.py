@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import matplotlib
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..base.checks import Array
 from . import style, swept
-from .panel import passes_on
+from .panel import draws
 
 __all__ = ["lines"]
 
@@ -31,29 +31,18 @@ _ROWS, _ROW = 6, 7.0
 
 
 class _Line(NamedTuple):
-    """A line: the rank of its value of ``by``, where it is along x, which values it has.
-
-    Of points that differ in colour it has a rank for each.
-    """
+    """A line: rank of its value of ``by``, of points a rank for each; x; which part it is of."""
 
     rank: int | NDArray[np.intp]
     x: Array
-    dims: tuple[str, ...]
-    which: tuple[Any, ...]
+    which: dict[str, Any]
 
     def of(self, array: Any) -> Any:
         """Take its values from an array over the dimensions of the quantity."""
-        return array.transpose(*self.dims).values[self.which]
+        return array.isel(self.which).values
 
 
-class _By(NamedTuple):
-    """What lines are told apart by: its scale, and the rank of the k-th value, None: nothing."""
-
-    scale: swept.Scale | None
-    ranks: Any
-
-
-@passes_on()
+@draws()
 def lines(
     dataset: Any,
     quantity: str,
@@ -86,25 +75,31 @@ def lines(
     """
     part, where = swept.choose(dataset, quantity, at, (x, by))
     along, apart = _named(part, quantity, x, by)
+    # runs that were swept together, one after the other along a line, are no points
+    path = '"zip"' in str(dataset.attrs.get("design", ""))
+    points = along not in part.dims and not path
     ax = style.axes(ax)
     scale = swept.scale_of(part, along)
     scale.apply(ax, "x")
-    told = _told(part, apart)
-    colour_of = _colours(told)
-    points = along not in part.dims and not _is_path(dataset)
-    drawn = list(_lines(part, quantity, along, scale, told))
-    marked = points or np.unique(scale.values).size <= _MARKED
+    part = part.isel({"run" if along not in part.dims else along: scale.order})
+    told = None if apart is None else swept.scale_of(part, apart)
+    texts = told.texts if told else None
+    colour_of, colours = _colours(told)
+    drawn = list(_lines(part[quantity], np.sort(scale.places), along, told))
+    marked = points or np.unique(scale.places).size <= _MARKED
     for one in drawn:
         look: dict[str, Any] = {"linewidth": 1.2}
         look |= {"marker": "o", "markersize": 4.0 if points else 3.0} if marked else {}
-        if told.scale is not None and told.scale.texts is not None:
-            look["linestyle"] = style.line_style(int(one.rank))["linestyle"]
+        look |= {"linestyle": style.line_style(int(one.rank))["linestyle"]} if texts else {}
         look |= {"linestyle": "none"} if points else {}
         _plot(ax, one.x, one.of(part[quantity]), colour_of(one.rank), look, line)
     style.dress(ax, scale.label, swept.label(part[quantity]))
-    handles = _of_texts(told, colour_of)
-    if not handles and told.scale is not None:
-        _colour_bar(ax, told.scale)
+    if told and colours:
+        _colour_bar(ax, told, colours)
+    handles: list[Artist] = [
+        Line2D([], [], label=name, **(style.line_style(k) | {"color": colour_of(k)}))
+        for k, name in enumerate(texts or ())
+    ]
     found = swept.failures(part, quantity)
     marks = [
         Line2D([], [], color="0.3", label=text, **_mark(name)) for name, (_, text) in found.items()
@@ -167,101 +162,56 @@ def _named(part: Any, quantity: str, x: object, by: object) -> tuple[str, str | 
     # Of time, a line a run: what else was swept may differ between lines of a colour.
     left = [dim for dim in free if x != "time" or dim not in part["status"].dims]
     if left:
-        values = part[left[-1]].values if left[-1] in part.coords else [0]
-        raise ValueError(
-            f"{quantity} has the dimensions {', '.join(dims)}: name x and by, and choose a value "
-            f"of the others by at={{{left[-1]!r}: {np.asarray(values)[0].item()!r}}}"
-        )
+        but = "name x and by, and choose a value of the others"
+        raise swept.too_many(part, quantity, left[-1], but)
     return str(x), None if by is None else str(by)
 
 
-def _is_path(dataset: Any) -> bool:
-    """Whether runs in a list were swept together, one after the other along a line."""
-    return '"zip"' in str(dataset.attrs.get("design", ""))
-
-
-def _told(part: Any, by: str | None) -> _By:
-    if by is None:
-        return _By(None, None)
-    scale = swept.scale_of(part, by)
-    return _By(scale, np.unique(scale.places(), return_inverse=True)[1])
-
-
-def _lines(part: Any, quantity: str, along: str, scale: swept.Scale, told: _By) -> Iterator[_Line]:
-    """Yield the lines; runs at random as one for each value of ``by``."""
-    array, order, x = part[quantity], scale.order, scale.values
-    by = None if told.scale is None else told.scale.name
+def _lines(array: Any, x: Array, along: str, told: swept.Scale | None) -> Iterator[_Line]:
+    """Yield the lines; runs at random as one for each value of ``told``."""
+    by, ranks = (told.name, told.ranks) if told else ("", np.zeros(1, dtype=np.intp))
     if along in array.dims:
         others = [str(dim) for dim in array.dims if dim != along]
         for index in np.ndindex(*(array.sizes[dim] for dim in others)):
-            k = dict(zip(others, index, strict=True)).get("run" if by not in others else str(by), 0)
-            rank = 0 if by is None else int(told.ranks[k])
-            yield _Line(rank, x, (*others, along), (*index, order))
-        return
+            which = dict(zip(others, index, strict=True))
+            k = which.get(by if by in which else "run", 0)
+            yield _Line(int(ranks[k]) if told else 0, x, which)
     # x is a coordinate of the runs
-    if by is None:
-        yield _Line(0, x, ("run",), (order,))
+    elif told is None:
+        yield _Line(0, x, {})
     elif by in array.dims:
         for k in range(array.sizes[by]):
-            yield _Line(int(told.ranks[k]), x, ("run", by), (order, k))
+            yield _Line(int(ranks[k]), x, {by: k})
+    elif told.texts is None and np.unique(ranks).size > _STEPS:
+        yield _Line(ranks, x, {})
     else:
-        ranks = told.ranks[order]
-        many = told.scale is not None and told.scale.texts is None and np.unique(ranks).size
-        if many and many > _STEPS:
-            yield _Line(ranks, x, ("run",), (order,))
-            return
         for rank in np.unique(ranks):
-            yield _Line(int(rank), x[ranks == rank], ("run",), (order[ranks == rank],))
+            there = np.flatnonzero(ranks == rank)
+            yield _Line(int(rank), x[there], {"run": there})
 
 
 # --- colours -------------------------------------------------------------------------------------
 
 
-def _map() -> ListedColormap:
-    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, _DARK_ENOUGH, 256)))
+def _colours(told: swept.Scale | None) -> tuple[Callable[[Any], Any], ScalarMappable | None]:
+    """Return the colour of a rank, and what a colour bar shows: a few values as steps."""
+    if told is None or told.texts is not None:
+        return lambda rank: style.COLOURS[rank % len(style.COLOURS)], None
+    colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, _DARK_ENOUGH, 256)))
+    values = np.unique(told.places)
+    if (count := values.size) <= _STEPS:
+        steps = ListedColormap(colours(np.arange(count) / max(count - 1, 1)))
+        return steps, ScalarMappable(BoundaryNorm(np.arange(count + 1) - 0.5, count), steps)
+    norm = (LogNorm if told.log else Normalize)(values[0], values[-1])
+    return lambda rank: colours(np.asarray(norm(values[rank]))), ScalarMappable(norm, colours)
 
 
-def _colours(told: _By) -> Any:
-    """Return the colour of a rank."""
-    if told.scale is None or told.scale.texts is not None:
-        return lambda rank: style.COLOURS[rank % len(style.COLOURS)]
-    distinct = np.unique(told.scale.values)
-    norm = _norm(told.scale)
-    stepped = isinstance(norm, BoundaryNorm)
-    colours = _map()
-    if stepped:
-        return lambda rank: colours(rank / max(distinct.size - 1, 1))
-    return lambda rank: colours(np.asarray(norm(distinct[rank])))
-
-
-def _norm(scale: swept.Scale) -> Normalize:
-    distinct = np.unique(scale.values)
-    if distinct.size <= _STEPS:
-        return BoundaryNorm(np.arange(distinct.size + 1) - 0.5, max(distinct.size, 2))
-    return (LogNorm if scale.log else Normalize)(distinct[0], distinct[-1])
-
-
-def _colour_bar(ax: Axes, scale: swept.Scale) -> None:
-    distinct = np.unique(scale.values)
-    if distinct.size > _STEPS:
-        ax.figure.colorbar(ScalarMappable(_norm(scale), _map()), ax=ax, label=scale.label)
-        return
-    count = distinct.size
-    steps = ListedColormap(_map()(np.arange(count) / max(count - 1, 1)))
-    norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
-    bar = ax.figure.colorbar(ScalarMappable(norm, steps), ax=ax, label=scale.label)
-    bar.set_ticks(list(range(count)), labels=[f"{value:.5g}" for value in distinct])
-    bar.ax.minorticks_off()
-
-
-def _of_texts(told: _By, colour_of: Any) -> list[Artist]:
-    """Return the handles of lines that are told apart by texts."""
-    if told.scale is None or told.scale.texts is None:
-        return []
-    return [
-        Line2D([], [], label=name, **(style.line_style(k) | {"color": colour_of(k)}))
-        for k, name in enumerate(told.scale.texts)
-    ]
+def _colour_bar(ax: Axes, told: swept.Scale, colours: ScalarMappable) -> None:
+    bar = ax.figure.colorbar(colours, ax=ax, label=told.label)
+    values = np.unique(told.places)
+    if values.size <= _STEPS:
+        bar.set_ticks(list(range(values.size)), labels=[f"{value:.5g}" for value in values])
+        bar.ax.minorticks_off()
 
 
 # --- runs without a value ------------------------------------------------------------------------
@@ -288,12 +238,4 @@ def _marks(ax: Axes, absent: Mapping[str, Any], drawn: list[_Line], colour_of: A
             colour = colour[there] if np.ndim(colour) == 2 else colour
             look = _mark(name) | {"transform": ax.get_xaxis_transform()}
             _plot(ax, line.x[there], height, colour, look, {})
-    _add_foot(ax, row * (rows + 1))
-
-
-def _add_foot(ax: Axes, share: float) -> None:
-    """Leave this share of the height free below the data."""
-    scale = ax.yaxis.get_transform()
-    low, high = scale.transform(ax.get_ylim())
-    bottom = scale.inverted().transform(low - (high - low) * share / (1.0 - share))
-    ax.set_ylim(float(bottom), ax.get_ylim()[1], auto=True)
+    style.leave_free(ax, row * (rows + 1), above=False)

@@ -17,14 +17,14 @@ from matplotlib.ticker import MaxNLocator
 
 from ..base.checks import integer, real_array
 from . import style, swept
-from .panel import passes_on
+from .panel import draws
 
 __all__ = ["map"]
 
 _FAILED_FACE, _FAILED_EDGE = "0.93", "0.45"
 
 
-@passes_on(QuadMesh, PathCollection, to=(Axes.pcolormesh, Axes.scatter))
+@draws(QuadMesh, PathCollection, to=(Axes.pcolormesh, Axes.scatter))
 def map(
     dataset: Any,
     quantity: str,
@@ -58,7 +58,10 @@ def map(
         TypeError, ValueError: An argument breaks its rule; more than two dimensions are left.
         ImportError: xarray is not installed.
     """
-    levels = _levels_asked(contours)
+    if isinstance(contours, (Sequence, np.ndarray)) and not isinstance(contours, str):
+        levels: Any = np.unique(real_array("contours", contours, ndim=1))
+    else:
+        levels = integer("contours", contours, 0)
     part, where = swept.choose(dataset, quantity, at, (x, y))
     points = "run" in part.dims
     along, up = _two(part, quantity, x, y, points)
@@ -66,8 +69,11 @@ def map(
     scales = [swept.scale_of(part, name) for name in (along, up)]
     for which, scale in zip("xy", scales, strict=True):
         scale.apply(ax, which)
-    draw = _points if points else _cells
-    handles = draw(ax, part, quantity, scales, mesh)
+    if points:
+        handles = _points(ax, part, quantity, scales, mesh)
+    else:  # as rows of y and columns of x, both rising
+        part = part.isel({one.name: one.order for one in scales}).transpose(up, along)
+        handles = _cells(ax, part, quantity, scales, mesh)
     style.dress(ax, scales[0].label, scales[1].label)
     ax.grid(points)
     if handles:
@@ -75,14 +81,8 @@ def map(
     if where:
         style.set_title_within(ax, where)
     if not points:
-        _contours(ax, part[quantity], scales, levels)
+        _contours(ax, part[quantity].values, scales, levels)
     return ax
-
-
-def _levels_asked(contours: object) -> int | list[float]:
-    if isinstance(contours, (Sequence, np.ndarray)) and not isinstance(contours, str):
-        return [float(level) for level in np.unique(real_array("contours", contours, ndim=1))]
-    return integer("contours", contours, 0)
 
 
 def _two(part: Any, quantity: str, x: object, y: object, points: bool) -> tuple[str, str]:
@@ -100,10 +100,7 @@ def _two(part: Any, quantity: str, x: object, y: object, points: bool) -> tuple[
     else:
         left = rest if len(rest) > needed else []
     if left:
-        raise ValueError(
-            f"{quantity} has the dimensions {', '.join(dims)}: choose a value of all but two by at="
-            f"{{{left[-1]!r}: {_example(part, left[-1])}}}"
-        )
+        raise swept.too_many(part, quantity, left[-1], "choose a value of all but two")
     if len(rest) < needed:
         raise ValueError(
             f"{quantity} varies along {', '.join(dims) or 'nothing'} alone, a map needs two: see "
@@ -113,17 +110,12 @@ def _two(part: Any, quantity: str, x: object, y: object, points: bool) -> tuple[
     return first, str(y) if y is not None else rest.pop(0)
 
 
-def _example(part: Any, name: str) -> str:
-    return repr(part[name].values[0].item()) if name in part.coords else "0"
-
-
 def _cells(
     ax: Axes, part: Any, quantity: str, scales: list[swept.Scale], given: dict[str, Any]
 ) -> list[Artist]:
     """Draw a grid; return the handles of the legend."""
-    x, y = scales
-    values = _sorted(part[quantity], scales)
-    edges = x.edges(), y.edges()
+    values = part[quantity].values
+    edges = [one.edges() for one in scales]
     look: dict[str, Any] = {"cmap": "viridis", "rasterized": values.size > 2000} | given
     mesh = ax.pcolormesh(*edges, np.ma.masked_invalid(values), **look)
     if np.isfinite(values).any():
@@ -142,29 +134,23 @@ def _cells(
                 edges[0][i + 1] - edges[0][i],
                 edges[1][j + 1] - edges[1][j],
             )
-            for j, i in np.argwhere(_sorted(found, scales))
+            for j, i in np.argwhere(found.values)
         ]
         ax.add_collection(PatchCollection(cells, **face), autolim=False)
         handles.append(Patch(label=text, **face))
     return handles
 
 
-def _sorted(array: Any, scales: list[swept.Scale]) -> Any:
-    """Return values as rows of y, columns of x, both rising."""
-    x, y = scales
-    return array.transpose(y.name, x.name).values[np.ix_(y.order, x.order)]
-
-
 def _points(
     ax: Axes, part: Any, quantity: str, scales: list[swept.Scale], given: dict[str, Any]
 ) -> list[Artist]:
     """Draw runs as points; return the handles of the legend."""
-    at = [scale.places() for scale in scales]
+    x, y = (scale.places for scale in scales)
     values = part[quantity].values
     good = np.isfinite(values)
     size = float(np.clip(4000.0 / max(values.size, 1), 6.0, 36.0))
     look: dict[str, Any] = {"cmap": "viridis", "s": size, "linewidths": 0.0, "zorder": 2} | given
-    drawn = ax.scatter(at[0][good], at[1][good], c=values[good], **look)
+    drawn = ax.scatter(x[good], y[good], c=values[good], **look)
     if good.any():
         ax.figure.colorbar(drawn, ax=ax, label=swept.label(part[quantity]))
     handles: list[Artist] = []
@@ -176,22 +162,23 @@ def _points(
             "color": style.COLOURS[1],
             "markersize": 5.0,
         }
-        ax.plot(at[0][where], at[1][where], **cross)
+        ax.plot(x[where], y[where], **cross)
         handles.append(Line2D([], [], label=text, **cross))
     return handles
 
 
-def _contours(ax: Axes, array: Any, scales: list[swept.Scale], asked: int | list[float]) -> None:
-    values = _sorted(array, scales)
+def _contours(ax: Axes, values: Any, scales: list[swept.Scale], asked: Any) -> None:
+    """Draw up to so many contours at round values, or at these, with their values."""
     there = values[np.isfinite(values)]
-    if asked == 0 or min(values.shape) < 2 or not there.size or any(one.texts for one in scales):
+    if min(values.shape) < 2 or not there.size or any(one.texts for one in scales):
         return
     low, high = float(there.min()), float(there.max())
-    levels: Any = MaxNLocator(asked).tick_values(low, high) if isinstance(asked, int) else asked
-    inside = [float(level) for level in levels if low < level < high]
+    if isinstance(asked, int):
+        asked = MaxNLocator(asked).tick_values(low, high) if asked else []
+    inside = [float(level) for level in asked if low < level < high]
     if not inside:
         return
-    x, y = (scale.values for scale in scales)
+    x, y = (np.sort(scale.places) for scale in scales)
     lines = ax.contour(
         x, y, np.ma.masked_invalid(values), inside, colors="black", linewidths=0.8, zorder=2
     )

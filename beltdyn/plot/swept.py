@@ -18,15 +18,12 @@ from . import style
 __all__ = [
     "FAILED_LOOKS",
     "Scale",
-    "check",
     "check_names",
     "choose",
     "failures",
     "label",
-    "own_names",
     "scale_of",
     "swept_names",
-    "value_text",
 ]
 
 #: How runs that gave no value are shown, by their status: hatch, marker, word.
@@ -49,8 +46,61 @@ _EQUATION = re.compile(r" \(\d+\.\d+\)$")
 _OF_RUNS = ("status", "message", "warnings")
 
 
-def check(dataset: object, quantity: object) -> Any:
-    """Check a sweep and the name of a quantity in it; return the quantity's array."""
+def check_names(known: Sequence[str], **named: object) -> None:
+    """Check the two names given for axes, None where none is."""
+    for field, name in named.items():
+        if name is not None and name not in known:
+            raise ValueError(
+                f"{field} must be one of {', '.join(known)}, got {shown(name)}"
+                f"{close_to(name, known) if isinstance(name, str) else ''}"
+            )
+    one, other = named.values()
+    if one is not None and one == other:
+        raise ValueError(f"{' and '.join(named)} must differ, both are {one!r}")
+
+
+def too_many(part: Any, quantity: str, one: str, but: str) -> ValueError:
+    """Return the error of a quantity with a dimension more than a picture has axes."""
+    first = part[one].values[0].item()
+    return ValueError(
+        f"{quantity} has the dimensions {', '.join(map(str, part[quantity].dims))}: {but} by at="
+        f"{{{one!r}: {first!r}}}"
+    )
+
+
+def swept_names(dataset: Any) -> list[str]:
+    """Return the swept names: dimensions of a grid, else coordinates of the runs."""
+    dims = [str(dim) for dim in dataset["status"].dims]
+    if dims == ["run"]:
+        along = [name for name, one in dataset.coords.items() if one.dims == ("run",)]
+        return [str(name) for name in along if name != "run"]
+    return dims
+
+
+def choose(dataset: Any, quantity: object, at: object, named: Sequence[object]) -> tuple[Any, str]:
+    """Return the part of a sweep at some values, with this quantity alone, and these as a text.
+
+    Dimensions of one value are left out unless they are ``named`` for an axis.
+    """
+    _check(dataset, quantity)
+    part = dataset[[quantity, "status"]]
+    if not (at is None or isinstance(at, Mapping)):
+        raise TypeError(f"at must be a dict of values by name, got {shown(at)}")
+    texts = []
+    for name, value in (at or {}).items():
+        if name not in part.dims:
+            known = [str(dim) for dim in part.dims]
+            raise ValueError(
+                f"at: there is no dimension {shown(name)}, there are {', '.join(known)}"
+            )
+        k = _index(part, str(name), value)
+        part = part.isel({name: k})
+        texts.append(_value_text(part[name]) if name in part.coords else f"{name} {k}")
+    single = [dim for dim in part.dims if part.sizes[dim] == 1 and dim not in named]
+    return part.compute().squeeze(single), "; ".join(texts)
+
+
+def _check(dataset: object, quantity: object) -> None:
     xarray = optional_module("xarray", "pictures of sweeps", "sweep")
     if not isinstance(dataset, xarray.Dataset):
         raise TypeError(f"dataset must be the xarray.Dataset of bd.sweep, got {shown(dataset)}")
@@ -68,64 +118,10 @@ def check(dataset: object, quantity: object) -> Any:
             f"quantity must be one of {', '.join(known) or '(none)'}, got {quantity!r}"
             f"{close_to(quantity, known)}"
         )
-    return dataset[quantity]
-
-
-def check_names(known: Sequence[str], **named: object) -> None:
-    """Check the two names given for axes, None where none is."""
-    for field, name in named.items():
-        if name is not None and name not in known:
-            raise ValueError(
-                f"{field} must be one of {', '.join(known)}, got {shown(name)}"
-                f"{close_to(name, known) if isinstance(name, str) else ''}"
-            )
-    one, other = named.values()
-    if one is not None and one == other:
-        raise ValueError(f"{' and '.join(named)} must differ, both are {one!r}")
-
-
-def swept_names(dataset: Any) -> list[str]:
-    """Return the swept names: dimensions of a grid, else coordinates of the runs."""
-    dims = [str(dim) for dim in dataset["status"].dims]
-    if dims == ["run"]:
-        along = [name for name, one in dataset.coords.items() if one.dims == ("run",)]
-        return [str(name) for name in along if name != "run"]
-    return dims
-
-
-def own_names(dataset: Any, array: Any) -> list[str]:
-    """Return the dimensions that a quantity has of its own, such as "pulley"."""
-    return [str(dim) for dim in array.dims if dim not in dataset["status"].dims]
-
-
-def choose(dataset: Any, quantity: str, at: object, named: Sequence[object]) -> tuple[Any, str]:
-    """Return the part of a sweep at some values, with this quantity alone, and these as a text.
-
-    Dimensions of one value are left out unless they are ``named`` for an axis.
-    """
-    check(dataset, quantity)
-    part = dataset[[quantity, "status"]]
-    if not (at is None or isinstance(at, Mapping)):
-        raise TypeError(f"at must be a dict of values by name, got {shown(at)}")
-    texts = []
-    for name, value in (at or {}).items():
-        if name not in part.dims:
-            known = [str(dim) for dim in part.dims]
-            raise ValueError(
-                f"at: there is no dimension {shown(name)}, there are {', '.join(known)}"
-            )
-        k = _index(part, str(name), value)
-        if name in part.coords:
-            texts.append(f"{_word(part[name])} {value_text(part[name], k)}")
-        else:
-            texts.append(f"{name} {k}")
-        part = part.isel({name: k})
-    single = [dim for dim in part.dims if part.sizes[dim] == 1 and dim not in named]
-    return part.compute().squeeze(single), "; ".join(texts)
 
 
 def _index(part: Any, name: str, value: Any) -> int:
-    values = part[name].values if name in part.coords else np.arange(part.sizes[name])
+    values = part[name].values  # their numbers, of a dimension without a coordinate
     if values.dtype.kind not in "iuf":
         found = np.flatnonzero(values.astype(str) == str(value))
     elif isinstance(value, str) or not np.isscalar(value):
@@ -157,13 +153,12 @@ def _word(array: Any) -> str:
     return style.plain(text if 0 < len(text) <= _LONGEST else str(array.name))
 
 
-def value_text(array: Any, k: int) -> str:
-    """Return the k-th value of a coordinate with its unit."""
-    value = array.values[k]
-    if array.dtype.kind not in "iuf":
-        return style.plain(str(value))
-    unit = str(array.attrs.get("units", ""))
-    return f"{value:.5g}" + (f" {style.plain(unit)}" if unit not in ("", "1") else "")
+def _value_text(one: Any) -> str:
+    """Return the name of a coordinate, its value and its unit."""
+    value, unit = one.item(), str(one.attrs.get("units", ""))
+    text = f"{value:.5g}" if one.dtype.kind in "iuf" else style.plain(str(value))
+    shown_unit = one.dtype.kind in "iuf" and unit not in ("", "1")
+    return f"{_word(one)} {text}" + (f" {style.plain(unit)}" if shown_unit else "")
 
 
 # --- axes ----------------------------------------------------------------------------------------
@@ -171,33 +166,27 @@ def value_text(array: Any, k: int) -> str:
 
 @attrs.frozen(eq=False, kw_only=True)
 class Scale:
-    """Values along an axis, in rising order.
-
-    Attributes:
-        name: Name of the coordinate.
-        label: What stands at the axis.
-        values: Places (n,); of texts their numbers.
-        order: Indices that bring the coordinate into this order (n,).
-        texts: The distinct texts, of texts alone.
-        log: Whether the axis is logarithmic.
-    """
+    """A coordinate along an axis."""
 
     name: str
     label: str
-    values: Array
-    order: NDArray[np.intp]
-    texts: tuple[str, ...] | None
+    places: Array  # (n,); of texts their numbers
+    texts: tuple[str, ...] | None  # the distinct texts, of texts alone
     log: bool
 
-    def places(self) -> Array:
-        """Return the places in the order of the coordinate (n,)."""
-        places = np.empty(self.values.size)
-        places[self.order] = self.values
-        return places
+    @property
+    def order(self) -> NDArray[np.intp]:
+        """Indices that bring the places into rising order (n,)."""
+        return np.argsort(self.places, kind="stable")
+
+    @property
+    def ranks(self) -> NDArray[np.intp]:
+        """Rank of each place among the distinct ones (n,)."""
+        return np.unique(self.places, return_inverse=True)[1]
 
     def edges(self) -> Array:
-        """Return the edges of cells round the places (n + 1,), half way between them."""
-        at = np.log(self.values) if self.log else self.values
+        """Return the edges of cells round the places in rising order, half way between (n + 1,)."""
+        at = np.sort(np.log(self.places) if self.log else self.places)
         if at.size == 1:
             half = 0.5 if self.texts or at[0] == 0.0 else 0.05 * abs(at[0])
             edges = np.array([at[0] - half, at[0] + half])
@@ -217,27 +206,23 @@ class Scale:
 
 def scale_of(dataset: Any, name: str) -> Scale:
     """Return the scale of a coordinate, or of the numbers along a dimension without one."""
-    known = name in dataset.coords
-    found: Any = dataset[name].values if known else np.arange(dataset.sizes[name])
-    texts = None
+    known, found, texts = name in dataset.coords, dataset[name].values, None
     if found.dtype.kind not in "iuf":
         names = [style.plain(str(one)) for one in found]
         texts = tuple(dict.fromkeys(names))
         found = [texts.index(one) for one in names]
-    values = np.asarray(found, dtype=np.float64)
-    order = np.argsort(values, kind="stable")
+    places = np.asarray(found, dtype=np.float64)
     return Scale(
         name=name,
         label=label(dataset[name]) if known else name,
-        values=values[order],
-        order=order,
+        places=places,
         texts=texts,
-        log=known and texts is None and _geometric(values[order]),
+        log=known and texts is None and _geometric(places),
     )
 
 
 def _geometric(values: Array) -> bool:
-    """Whether rising values are more evenly spread on a logarithmic scale than on a linear one.
+    """Whether values are more evenly spread on a logarithmic scale than on a linear one.
 
     A few by their steps; many, which may be random, by where their middle is.
     """
@@ -260,17 +245,17 @@ def _geometric(values: Array) -> bool:
 def failures(part: Any, quantity: str) -> dict[str, tuple[Any, str]]:
     """Find the runs without a value: by status where they are, and a text that counts them."""
     status, array = part["status"], part[quantity]
+    own = [dim for dim in array.dims if dim not in status.dims]
     found = {}
     absent = array.isnull()
     for name, (_, _, word) in FAILED_LOOKS.items():
-        of_name = status == name
+        of_name = counted = status == name
+        where = absent.where(of_name, False).astype(bool)
+        unit = "run"
         if name in ("finished", "infinite"):
-            where = absent & of_name if name == "finished" else abs(array) == np.inf
-            count, unit = int(where.sum()), "value" if own_names(part, array) else "run"
-        else:
-            where = absent.where(of_name, False).astype(bool)
-            count, unit = int(of_name.sum()), "run"
-        if count:
+            where = counted = where if name == "finished" else abs(array) == np.inf
+            unit = "value" if own else "run"
+        if count := int(counted.sum()):
             plural = "" if count == 1 else "s"
-            found[name] = (where.transpose(*array.dims), f"{word}: {count} {unit}{plural}")
+            found[name] = (where, f"{word}: {count} {unit}{plural}")
     return found
