@@ -16,8 +16,7 @@ from ..base.checks import Array, flag, integer, positive, real
 from ..drive.params import Params
 from ..drive.scene import Scene
 from ..many.collect import outcomes
-from ..many.content import Contents
-from ..many.identity import NoKeyError
+from ..many.content import Contents, known
 from ..many.outcome import Outcome, attempt
 from ..many.pools import as_pool
 from ..result.errors import SimulationError
@@ -169,12 +168,8 @@ def _numbers(params: Params, n_bodies: Sequence[int] | None) -> list[int]:
 
 def _contents(scene: Scene, last: float) -> Contents:
     """Return the keys of runs: CPU times are those of an instruction level."""
-    try:
+    with known():
         return Contents(scene, {}, (), f"study {last} {_core.kernel_level()}")
-    except NoKeyError as error:
-        raise ValueError(
-            f"store: runs are known by their content, and {error}; leave store out"
-        ) from None
 
 
 @attrs.define(kw_only=True, eq=False)

@@ -7,39 +7,25 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from typing import Any, ClassVar
+from typing import Any
 
 import attrs
 import numpy as np
 
-from ..base.checks import Array
 from ..base.progress import counted
 from ..base.stopping import without_ctrl_c
-from .dispatch import Dispatch, Job
+from .dispatch import Dispatch, Run
 from .outcome import Outcome
 from .pools import Pool
 from .store import Kept, Store
 
-__all__ = ["Cost", "Each", "collect", "outcomes"]
+__all__ = ["Cost", "collect", "outcomes"]
 
-
-@attrs.frozen
-class Each:
-    """Job of runs that share nothing: a function does each, of its row and what it starts from."""
-
-    function: Callable[[Any, Array | None], Outcome]
-    settled: ClassVar[int] = 0  # states, none of which is counted
-
-    def work(self) -> Each:
-        """Return what does the runs."""
-        return self
-
-    def run(self, row: Any, before: Array | None = None) -> Outcome:
-        """Do a run."""
-        return self.function(row, before)
+Pools = Callable[[], AbstractContextManager[Pool]]
 
 
 def _to_kept(outcome: Outcome) -> Kept:
+    """Keep an outcome whose value is one that JSON holds."""
     parts = [outcome.status, outcome.message, outcome.value, outcome.final.tolist()]
     return Kept(json.dumps(parts))
 
@@ -51,63 +37,34 @@ def _of_kept(kept: Kept) -> Outcome:
 
 @attrs.frozen
 class Cost:
-    """What many runs took.
+    """What many runs took."""
 
-    Attributes:
-        computed: Runs that were computed.
-        stored: Runs that were found in the store.
-        settled: States that were settled for them.
-        workers: What computed them, in words.
-    """
-
-    computed: int
-    stored: int
-    settled: int
-    workers: str
+    computed: int  # runs
+    stored: int  # runs that were found in the store
+    settled: int  # states
+    workers: str  # what computed them, in words
 
 
 def collect(
-    job: Job,
-    rows: Sequence[Any],
-    pool: Callable[[], AbstractContextManager[Pool]],
-    take: Callable[[int, Outcome], str],
+    do: Run,
+    rows: Sequence[Any],  # what each run has of its own
+    pool: Pools,  # makes the workers, if there is anything to do
+    take: Callable[[int, Outcome], str],  # returns what to show beside the progress
     *,
-    after: Sequence[int] = (),
-    order: Callable[[list[int]], list[int]] = lambda runs: runs,
+    after: Sequence[int] = (),  # the run from whose end each starts, -1: none; empty: of all
+    order: Callable[[list[int]], list[int]] = lambda runs: runs,  # of those that are to do
     store: str | os.PathLike[str] | None = None,
-    keys: Sequence[str] = (),
+    keys: Sequence[str] = (),  # with a store: a run with the same key is the same run
     to_kept: Callable[[Outcome], Kept] = _to_kept,
     of_kept: Callable[[Kept], Outcome] = _of_kept,
     progress: bool = False,
     label: str = "runs",
 ) -> Cost:
-    """Do runs, and hand over their outcomes as they end.
-
-    Args:
-        job: What they have in common.
-        rows: What each of them has of its own.
-        pool: Makes the workers, if there is anything to do.
-        take: Takes the number of a run and its outcome; returns what to show beside the progress.
-        after: The run from whose end each starts, -1: none; empty: of all.
-        order: In which order to do those that are to do.
-        store: Folder that keeps them; with it ``keys``, a key for each run.
-        keys: A run with the same key is the same run.
-        to_kept: Returns an outcome as it is kept; without it values are those that JSON holds.
-        of_kept: Returns an outcome from what was kept.
-        progress: Whether to show progress on stderr.
-        label: What is shown before it.
-
-    Raises:
-        KeyboardInterrupt: Ctrl-C; what ended before was handed over and is kept.
-        OSError, ValueError: The store cannot be read or written.
-        RuntimeError: The executor takes no more work.
-    """
+    """Do runs, hand over their outcomes as they end, and keep them; Ctrl-C loses none of these."""
     kept = None if store is None else Store(store)
     after = after or [-1] * len(rows)
-    known: dict[int, Outcome] = {}
-    if kept is not None:
-        found = kept.find(keys)
-        known = {run: of_kept(found[key]) for run, key in enumerate(keys) if key in found}
+    found = kept.find(keys) if kept else {}
+    known = {run: of_kept(found[key]) for run, key in enumerate(keys) if key in found}
     text = ""
     for run, outcome in known.items():
         text = take(run, outcome)
@@ -118,7 +75,7 @@ def collect(
         if before in known and known[before].final.size
     }
     stored = done = len(known)
-    del known
+    del known, found
     if progress and stored:
         print(f"{label}: {stored} of {len(rows)} runs found in the store", file=sys.stderr)
     if not todo:
@@ -135,7 +92,7 @@ def collect(
             show(done, len(rows), text)
 
         idle = (lambda: None) if kept is None else kept.tend
-        dispatch = Dispatch(workers, job, rows, todo, after, finals, end, idle)
+        dispatch = Dispatch(workers, do, rows, todo, after, finals, end, idle)
         words = workers.text
         try:
             dispatch.all()
@@ -147,26 +104,18 @@ def collect(
 
 
 def outcomes(
-    function: Callable[[Any, Array | None], Outcome],
+    do: Run,
     rows: Sequence[Any],
-    pool: Callable[[], AbstractContextManager[Pool]],
+    pool: Pools,
     text: Callable[[Any], str] = lambda _row: "",
     **others: Any,
 ) -> list[Outcome]:
-    """Return the outcomes of runs in their order, each of a function of its row.
-
-    Args:
-        function: Does a run, as of :class:`Each`.
-        rows: What each of them has of its own.
-        pool: Makes the workers.
-        text: Returns what to show of a run that has ended.
-        **others: Further arguments of :func:`collect`.
-    """
+    """Return the outcomes of :func:`collect` in the order of the rows, of which texts are shown."""
     found = [Outcome(status="missing")] * len(rows)
 
     def take(run: int, outcome: Outcome) -> str:
         found[run] = outcome
         return text(rows[run])
 
-    collect(Each(function), rows, pool, take, **others)
+    collect(do, rows, pool, take, **others)
     return found

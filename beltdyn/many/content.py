@@ -11,6 +11,7 @@ import functools
 import hashlib
 import numbers
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,9 +23,9 @@ from ..base.naming import index_of
 from ..drive.scene import Scene
 from ..loads.motions import Motion, as_motions
 from ..loads.torques import TorqueSum
-from .identity import token
+from .identity import NoKeyError, token
 
-__all__ = ["Contents", "Place"]
+__all__ = ["Contents", "Place", "known", "parts_of", "speed_of"]
 
 #: Raised whenever what a run gives for the same content may have changed.
 _FORMAT = 2
@@ -34,33 +35,22 @@ Leaf = tuple[str, str]
 
 
 class Place(NamedTuple):
-    """Where a value stands in the layout: under these names; a factor, else 1, or the value."""
+    """Where a value stands in the layout."""
 
-    roots: list[str]
-    factor: bool
+    roots: list[str]  # under these names
+    factor: bool  # whether it is a factor, else 1
 
 
 class Contents:
-    """The keys of many runs of a scene.
-
-    Args:
-        scene: The scene, common to all runs.
-        options: All options of the runs, by name, common to them.
-        places: Where the values stand that differ.
-        measured: Text of the measured quantities.
-        key: The user's own name of what functions do.
-
-    Raises:
-        NoKeyError: A function among them has no content that can be known.
-    """
+    """The keys of many runs of a scene."""
 
     def __init__(
         self,
         scene: Scene,
-        options: Mapping[str, Any],
-        places: Sequence[Place],
-        measured: str,
-        key: str = "",
+        options: Mapping[str, Any],  # all of them
+        places: Sequence[Place],  # of the values that differ
+        measured: str,  # text of the measured quantities
+        key: str = "",  # the user's own name of what functions do
     ) -> None:
         self._of_functions = key
         self._pulleys = scene.params.pulley_names
@@ -82,12 +72,7 @@ class Contents:
             self._head += f" in the order {roots}"  # one is put into the other
 
     def key(self, values: Sequence[Any], before: str = "") -> str:
-        """Return the key of a run.
-
-        Args:
-            values: Its values.
-            before: What else it depends on, such as the key of the run whose end it starts from.
-        """
+        """Return the key of a run by its values, and what else it depends on."""
         total = self._base
         for (roots, factor), value in zip(self._places, values, strict=True):
             if factor and _is_one(value):
@@ -104,19 +89,21 @@ class Contents:
         if isinstance(node, np.generic):
             node = node.item()
         if isinstance(node, str) and name.endswith(".pulley"):
-            node = self._index(node)
+            with suppress(ValueError):
+                node = index_of("pulley", node, self._pulleys)
         if node is None or isinstance(node, (bool, str)):
             yield name, repr(node)
         elif isinstance(node, (int, float)):
             yield name, _number(node)
-        elif name == "torque" and isinstance(node, TorqueSum):
-            for k, part in enumerate(node.parts):
-                yield from self._leaves(f"torque[{k}]", part)
         elif name == "torque" and _is_own(node):
-            yield from self._leaves("torque[0]", node)
+            for k, part in enumerate(parts_of(node)):
+                yield from self._leaves(f"torque[{k}]", part)
         elif name == "motion" and isinstance(node, Mapping):
-            for at, motion in self._motions(node).items():
-                yield from self._leaves(f"motion[{at}]", motion)
+            motions: Any = node
+            with suppress(TypeError, ValueError):  # refused when it is run
+                motions = as_motions(node, self._pulleys)
+            for at, motion in motions.items():
+                yield from self._leaves(f"motion[{at}]", speed_of(motion))
         elif _is_own(node):
             yield name, type(node).__name__
             for field in attrs.fields(type(node)):
@@ -125,32 +112,23 @@ class Contents:
         elif isinstance(node, Sequence) or (
             isinstance(node, np.ndarray) and node.ndim and node.dtype.kind in "fiub"
         ):
-            yield from self._row(name, node)
+            values = node.tolist() if isinstance(node, np.ndarray) else node
+            yield name, f"row of {len(values)}"
+            for k, one in enumerate(values):
+                yield from self._leaves(f"{name}[{k}]", one)
         else:
             yield name, token(node, self._of_functions)
 
-    def _row(self, name: str, node: Any) -> Iterator[Leaf]:
-        values = node.tolist() if isinstance(node, np.ndarray) else node
-        yield name, f"row of {len(values)}"
-        for k, one in enumerate(values):
-            yield from self._leaves(f"{name}[{k}]", one)
 
-    def _index(self, pulley: str) -> int | str:
-        try:
-            return index_of("pulley", pulley, self._pulleys)
-        except ValueError:
-            return pulley
-
-    def _motions(self, motion: Any) -> dict[Any, Any]:
-        """Return motions by index, each as its speed where it has one."""
-        try:
-            found = as_motions(motion, self._pulleys)
-        except (TypeError, ValueError):  # refused when it is run
-            return dict(motion)
-        return {
-            at: one.speed if isinstance(one, Motion) and one.speed is not None else one
-            for at, one in found.items()
-        }
+@contextmanager
+def known(else_: str = "") -> Iterator[None]:
+    """Say of runs whose content cannot be known that a store needs it."""
+    try:
+        yield
+    except NoKeyError as error:
+        raise ValueError(
+            f"store: runs are known by their content, and {error}; leave store out{else_}"
+        ) from None
 
 
 @functools.cache
@@ -172,6 +150,16 @@ def _is_own(node: Any) -> bool:
     return attrs.has(kind) and kind.__module__.startswith(f"{__name__.partition('.')[0]}.")
 
 
+def parts_of(torque: Any) -> tuple[Any, ...]:
+    """Return the torques of a sum, of another the torque alone."""
+    return torque.parts if isinstance(torque, TorqueSum) else (torque,)
+
+
+def speed_of(motion: Any) -> Any:
+    """Return the speed of a motion that is one, whose fields are called as in a scene file."""
+    return motion.speed if isinstance(motion, Motion) and motion.speed is not None else motion
+
+
 def _is_one(value: Any) -> bool:
     return isinstance(value, numbers.Real) and not isinstance(value, bool) and value == 1
 
@@ -184,13 +172,10 @@ def _number(value: int | float) -> str:
         return repr(value)
 
 
-def _digest(leaf: Leaf) -> bytes:
-    return hashlib.sha256("\0".join(leaf).encode("utf-8", "surrogatepass")).digest()
-
-
 def _sum(leaves: Iterable[Leaf]) -> int:
     """Return one number for entries in any order, so that a few can be exchanged quickly."""
-    return sum(int.from_bytes(_digest(leaf)) for leaf in leaves)
+    texts = ("\0".join(leaf).encode("utf-8", "surrogatepass") for leaf in leaves)
+    return sum(int.from_bytes(hashlib.sha256(text).digest()) for text in texts)
 
 
 def _within(name: str, roots: Iterable[str]) -> bool:

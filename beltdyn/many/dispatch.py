@@ -10,14 +10,14 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import suppress
 from functools import lru_cache
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from ..base.checks import Array
 from ..base.stopping import without_ctrl_c
 from .outcome import Outcome
 from .pools import Pool, as_bytes
 
-__all__ = ["ATTEMPTS", "Dispatch", "Job", "Work"]
+__all__ = ["ATTEMPTS", "Dispatch", "Run"]
 
 #: How often workers may die in a run before it is given up; the last time it is on its way alone.
 ATTEMPTS = 3
@@ -29,68 +29,36 @@ _LAST = 0.3
 _LOOK = 1.0
 
 
-class Work(Protocol):
-    """What does runs; several threads may share it."""
-
-    @property
-    def settled(self) -> int:
-        """How many states this thread has settled so far."""
-
-    def run(self, row: Any, before: Array | None = None) -> Outcome:
-        """Do a run; ``before`` is the final state, as numbers, that it starts from."""
-
-
-class Job(Protocol):
-    """What many runs have in common; it can be sent to other processes."""
-
-    def work(self) -> Work:
-        """Return what does the runs."""
+#: Does a run, of its row and the final state, as numbers, that it starts from. Several threads may
+#: share it, and it can be sent to other processes.
+Run = Callable[[Any, Array | None], Outcome]
 
 
 class Batch(NamedTuple):
-    """What a worker gives back.
+    """What a worker gives back."""
 
-    Attributes:
-        outcomes: Outcomes of its runs, in their order; fewer if it was interrupted.
-        seconds: Wall time of each of them [s].
-        settled: States it settled, which later runs may share.
-        interrupted: Whether it was.
-    """
-
-    outcomes: list[Outcome]
-    seconds: list[float]
-    settled: int
+    outcomes: list[Outcome]  # of its runs in their order, fewer if it was interrupted
+    seconds: list[float]  # wall time of each [s]
     interrupted: bool
 
 
 class Dispatch:
-    """Dispatch of runs to workers.
-
-    Args:
-        pool: The workers.
-        job: Data common to all runs.
-        rows: The values of each run.
-        order: The runs to do, in this order.
-        after: The run from whose end each starts, -1: none.
-        finals: Final states of runs that are done already, as numbers.
-        done: Called with each run and its outcome, in the order in which they end.
-        idle: Called now and then.
-    """
+    """Dispatch of runs to workers."""
 
     def __init__(
         self,
         pool: Pool,
-        job: Job,
+        do: Run,
         rows: Sequence[Any],
-        order: Sequence[int],
-        after: Sequence[int],
-        finals: Mapping[int, Array],
-        done: Callable[[int, Outcome], None],
-        idle: Callable[[], None] = lambda: None,
+        order: Sequence[int],  # the runs to do
+        after: Sequence[int],  # the run from whose end each starts, -1: none
+        finals: Mapping[int, Array],  # of runs that are done already
+        done: Callable[[int, Outcome], None],  # called as runs end
+        idle: Callable[[], None] = lambda: None,  # called now and then
     ) -> None:
         self._pool, self._rows, self._after = pool, rows, after
         self._done, self._idle = done, idle
-        self._work: Work | bytes = as_bytes(job) if pool.remote else job.work()
+        self._do = as_bytes(do) if pool.remote else do
         self._followers: dict[int, list[int]] = {}
         todo = set(order)
         self._ready: deque[int] = deque()
@@ -116,13 +84,7 @@ class Dispatch:
         self.settled = 0
 
     def all(self) -> None:
-        """Do all runs.
-
-        Raises:
-            KeyboardInterrupt: Ctrl-C; what ended before was handed over.
-            RuntimeError: The executor takes no more work.
-            Exception: What an executor raises that is none of these.
-        """
+        """Do all runs; at Ctrl-C, and what an executor raises, what ended is handed over."""
         try:
             while self._left:
                 self._hand_out()
@@ -162,12 +124,12 @@ class Dispatch:
         if self._pool.remote:
             runs = as_bytes(runs)
         try:
-            future = self._pool.submit(run_batch, self._work, runs)
+            future = self._pool.submit(run_batch, self._do, runs)
         except Exception as error:
             if not self._pool.deaths(error):
                 raise
             self._renew()
-            future = self._pool.submit(run_batch, self._work, runs)
+            future = self._pool.submit(run_batch, self._do, runs)
         self._flying[future] = batch, self._workers, alone
 
     def _collect(self, ended: set[Future[Any]]) -> None:
@@ -199,8 +161,8 @@ class Dispatch:
         self._workers += 1
 
     def _take(self, batch: list[int], result: Batch) -> None:
-        self.settled += result.settled
         for run, outcome in zip(batch, result.outcomes, strict=False):
+            self.settled += outcome.settled
             self._end(run, outcome)
         if result.seconds:
             mean = sum(result.seconds) / len(result.seconds)
@@ -249,25 +211,19 @@ class Dispatch:
             self._flying.clear()
 
 
-@lru_cache(maxsize=2)
-def _work_of(job: bytes) -> Work:
-    job_of: Job = pickle.loads(job)
-    return job_of.work()
+_loaded: Callable[[bytes], Run] = lru_cache(maxsize=2)(pickle.loads)
 
 
-def run_batch(work: Work | bytes, runs: Sequence[tuple[Any, Array | None]] | bytes) -> Batch:
+def run_batch(do: Run | bytes, runs: Sequence[tuple[Any, Array | None]] | bytes) -> Batch:
     """Do several runs, one after the other; as bytes if they come from another process."""
-    if isinstance(work, bytes):
-        work = _work_of(work)
-    listed = pickle.loads(runs) if isinstance(runs, bytes) else runs
+    run = _loaded(do) if isinstance(do, bytes) else do
     outcomes: list[Outcome] = []
     seconds: list[float] = []
-    before = work.settled
-    for values, start in listed:
+    for row, start in pickle.loads(runs) if isinstance(runs, bytes) else runs:
         begun = time.perf_counter()
         try:
-            outcomes.append(work.run(values, start))
+            outcomes.append(run(row, start))
         except KeyboardInterrupt:
-            return Batch(outcomes, seconds, work.settled - before, True)
+            return Batch(outcomes, seconds, True)
         seconds.append(time.perf_counter() - begun)
-    return Batch(outcomes, seconds, work.settled - before, False)
+    return Batch(outcomes, seconds, False)

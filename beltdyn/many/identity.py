@@ -36,10 +36,7 @@ class NoKeyError(ValueError):
 
 
 def token(value: Any, key: str = "") -> str:
-    """Return a short text that is the same for the same content, and for nothing else.
-
-    ``key`` stands for the content of functions and objects of which it cannot be known.
-    """
+    """Return a text of the content of a value; ``key`` stands for what cannot be known of it."""
     try:
         text = _Walk(key).text(value)
     except RecursionError:
@@ -145,9 +142,8 @@ class _Walk:
                 # one made by a function of a package holds what that was called with
                 self._held(function) if function.__closure__ or function.__defaults__ else ""
             )
-        code = function.__code__
-        used = self._used(code, function.__globals__)
-        return f"function {self._code(code)} {self._held(function)} {used}"
+        used = self._used(function.__code__, function.__globals__)
+        return f"function {self._code(function.__code__)} {self._held(function)} {used}"
 
     def _held(self, function: types.FunctionType) -> str:
         cells: list[Any] = []
@@ -169,32 +165,24 @@ class _Walk:
         return "; ".join(self._use(name, known[name], sorted(names)) for name in found)
 
     def _use(self, name: str, value: Any, inside: Iterable[str]) -> str:
-        if not isinstance(value, types.ModuleType) or not _is_users(value.__name__):
-            return f"{name} = {self.text(value)}"
-        held = [one for one in inside if one in vars(value)]
+        held: list[str] = []
+        if isinstance(value, types.ModuleType) and _is_users(value.__name__):
+            held = [one for one in inside if one in vars(value)]
         if not held:
             return f"{name} = {self.text(value)}"
-
-        def content() -> str:
-            return "; ".join(self._use(one, vars(value)[one], inside) for one in held)
-
         if id(value) in self._depth:
             return f"{name} itself"
         self._depth[id(value)] = len(self._depth)
         try:
-            return f"{name}: {content()}"
+            uses = (self._use(one, vars(value)[one], inside) for one in held)
+            return f"{name}: {'; '.join(uses)}"
         finally:
             del self._depth[id(value)]
 
     def _code(self, code: types.CodeType) -> str:
         constants = [self._constant(one) for one in code.co_consts]
-        parts = [
-            code.co_code.hex(),
-            code.co_exceptiontable.hex(),
-            str((code.co_flags, code.co_argcount, code.co_kwonlyargcount, code.co_names)),
-            str(constants),
-        ]
-        return f"code {_short(' '.join(parts))}"
+        parts = code.co_code, code.co_exceptiontable, code.co_flags, code.co_names, constants
+        return f"code {_short(repr((*parts, code.co_argcount, code.co_kwonlyargcount)))}"
 
     def _constant(self, value: Any) -> str:
         if isinstance(value, tuple):
@@ -211,10 +199,9 @@ class _Walk:
         for name, value in sorted(vars(kind).items()):
             if name == "_abc_impl":  # which classes have been found to be one of these
                 continue
-            if isinstance(value, (staticmethod, classmethod)):
-                value = value.__func__
-            if isinstance(value, (property, functools.cached_property)):
-                value = getattr(value, "fget", None) or getattr(value, "func", None)
+            if isinstance(value, (staticmethod, classmethod, property, functools.cached_property)):
+                held = (getattr(value, one, None) for one in ("__func__", "fget", "func"))
+                value = next(filter(None, held), None)
             if isinstance(value, types.FunctionType) or not name.startswith("__"):
                 parts.append(f"{name} = {self.text(value)}" if not _is_slot(value) else name)
         return f"class {_named(kind)} {'; '.join(parts)}"
@@ -222,8 +209,8 @@ class _Walk:
     def _object(self, value: Any) -> str:
         """Return any other object as copying sees it."""
         try:
-            reduced: Callable[[Any], Any] = copyreg.dispatch_table.get(type(value), _reduced)
-            found = reduced(value)
+            reduced: Any = copyreg.dispatch_table.get(type(value))
+            found = reduced(value) if reduced else value.__reduce_ex__(4)
         except Exception:
             found = None
         if isinstance(found, str):
@@ -234,10 +221,6 @@ class _Walk:
         state = rest[0] if rest else None
         more = [list(one) for one in rest[1:3] if one is not None]
         return f"{self.text(type(value))} {self._all([maker, given, state, *more])}"
-
-
-def _reduced(value: Any) -> Any:
-    return value.__reduce_ex__(4)
 
 
 def _is_slot(value: Any) -> bool:
@@ -292,10 +275,7 @@ def _origin(module: str) -> str:
 
 @functools.lru_cache(maxsize=256)
 def _is_users(module: str | None, file: str | None = None) -> bool:
-    """Whether a module is the user's own code: neither Python's nor an installed package's.
-
-    One that has not been imported is known by its file.
-    """
+    """Whether a module, known by its file unless imported, is neither Python's nor installed."""
     if module is None or module == "__main__" or (module not in sys.modules and file is None):
         return True
     if module.partition(".")[0] in (*sys.stdlib_module_names, __name__.partition(".")[0]):

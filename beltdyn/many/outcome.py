@@ -10,7 +10,6 @@ import numpy as np
 
 from .. import _core
 from ..base.checks import Array
-from ..base.run_warnings import RunWarning
 from ..result.errors import SimulationError
 
 __all__ = ["STATUSES", "Outcome", "attempt", "in_line"]
@@ -28,29 +27,20 @@ STATUSES = {
 
 @attrs.frozen(eq=False, kw_only=True)
 class Outcome:
-    """How a run ended, and its results.
+    """How a run ended, and its results."""
 
-    Attributes:
-        status: One of :data:`STATUSES`.
-        message: Why it did not finish, in one line; "".
-        warnings: Warnings of the run, one in a line.
-        value: What the run gave; None unless it finished.
-        error: The error in which it ended, where it is at hand.
-        kernels: Level of the kernels that computed it.
-        reproducible: Whether it would end so on any machine. What a torque function or a measure
-            raises may be due to this one; what is refused costs nothing to refuse again.
-        final: What a run that follows it starts from, such as its final state, as numbers; or
-            empty.
-    """
-
-    status: str
-    message: str = ""
-    warnings: str = ""
-    value: Any = None
-    error: Exception | None = None
-    kernels: str = ""
+    status: str  # one of STATUSES
+    message: str = ""  # why it did not finish, in one line
+    warnings: str = ""  # of the run, one in a line
+    value: Any = None  # what the run gave; None unless it finished
+    error: Exception | None = None  # in which it ended, where it is at hand
+    kernels: str = ""  # level of the kernels that computed it
+    #: Whether it would end so on any machine. What a torque function or a measure raises may be
+    #: due to this one; what is refused costs nothing to refuse again.
     reproducible: bool = True
+    #: What a run that follows it starts from, such as its final state, as numbers; or empty.
     final: Array = attrs.field(factory=lambda: np.zeros(0))
+    settled: int = 0  # states that were settled for it, which later runs may share
 
     @property
     def lasting(self) -> bool:
@@ -61,26 +51,19 @@ class Outcome:
 def attempt(
     run: Callable[[], Any], known: type[Exception] | tuple[type[Exception], ...] = Exception
 ) -> Outcome:
-    """Return what a run gives, or how it ended in an error; Ctrl-C and unknown errors are raised.
-
-    Args:
-        run: The run.
-        known: Errors that are outcomes.
-    """
+    """Return what a run gives, or a known error as its outcome; Ctrl-C and others are raised."""
     kernels = _core.kernel_level()
     try:
         return Outcome(status="finished", value=run(), kernels=kernels)
     except known as error:
         of_drive = isinstance(error, SimulationError)
         refused = isinstance(error, (TypeError, ValueError))
-        known_before: tuple[RunWarning, ...] = getattr(
-            getattr(error, "result", None), "warnings", ()
-        )
+        result = getattr(error, "result", None)
         name = "" if of_drive or refused else f"{type(error).__name__}: "
         return Outcome(
             status="refused" if refused else "failed",
             message=name + in_line(error),
-            warnings="\n".join(map(str, known_before)),
+            warnings="\n".join(map(str, getattr(result, "warnings", ()))),
             error=error,
             kernels=kernels,
             reproducible=of_drive,

@@ -12,9 +12,8 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
-from contextlib import nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from importlib import import_module
-from types import TracebackType
 from typing import Any
 
 from ..base.checks import integer
@@ -57,16 +56,11 @@ def _pickler() -> Any:
         return pickle
 
 
-class Pool:
-    """Workers that do batches: those of an executor.
+class Pool(AbstractContextManager["Pool"]):
+    """Workers that do batches: those of an executor."""
 
-    Attributes:
-        remote: Whether they share no memory with this process, so that jobs are sent to them.
-        seconds: Wall time that a batch should take [s].
-    """
-
-    remote = True
-    seconds = _ELSEWHERE
+    remote = True  #: Whether they share no memory with this process, so that jobs are sent to them.
+    seconds = _ELSEWHERE  #: Wall time that a batch should take [s].
 
     def __init__(self, executor: Any, count: int, text: str) -> None:
         self._count, self._text = count, text
@@ -82,15 +76,7 @@ class Pool:
         """What they are, in words."""
         return self._text
 
-    def __enter__(self) -> Pool:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: Any) -> None:
         self.close(kind is not None)
 
     def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
@@ -108,11 +94,7 @@ class Pool:
         return int(isinstance(error, BrokenExecutor))
 
     def renew(self) -> None:
-        """Replace workers that have died.
-
-        Raises:
-            RuntimeError: This cannot be done here; the message says what to do.
-        """
+        """Replace workers that have died, or raise RuntimeError, which says what to do."""
         raise RuntimeError(
             "a worker of the executor died, and the executor takes no more work: give a new one; "
             "with store= the runs that are done are not repeated"

@@ -18,7 +18,7 @@ _KEPT = 16
 class Shared(Generic[_Key, _Value]):
     """Values by key, each made once, the last ones kept; a thread waits for what another makes.
 
-    What cannot be made is not tried again either.
+    What cannot be made is not tried again either. Sent to another process it is empty there.
     """
 
     def __init__(self, make: Callable[[_Key, Any], _Value]) -> None:
@@ -27,6 +27,9 @@ class Shared(Generic[_Key, _Value]):
         self._found: OrderedDict[_Key, tuple[threading.Lock, list[_Value | Exception]]]
         self._found = OrderedDict()
         self._mine = threading.local()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Shared, (self._make,)
 
     @property
     def made(self) -> int:

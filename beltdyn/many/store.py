@@ -40,29 +40,15 @@ _DAMAGED = (ValueError, TypeError, AttributeError, MemoryError, OverflowError)
 
 
 class Kept(NamedTuple):
-    """What is kept of a run.
+    """What is kept of a run."""
 
-    Attributes:
-        text: A text, of ASCII.
-        data: Numbers, as bytes.
-        common: A text that many runs have, kept once in a part.
-    """
-
-    text: str
-    data: bytes = b""
-    common: str = ""
+    text: str  # of ASCII
+    data: bytes = b""  # numbers
+    common: str = ""  # a text that many runs have, kept once in a part
 
 
 class Store:
-    """What is kept of runs, by key. Safe in several threads.
-
-    Args:
-        path: The folder, made if it is not there.
-
-    Raises:
-        OSError: It cannot be made or read.
-        TypeError, ValueError: It is no path; it holds something else.
-    """
+    """What is kept of runs, by key, in a folder; safe in several threads."""
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         if not isinstance(path, (str, os.PathLike)):
@@ -83,12 +69,7 @@ class Store:
         self._begun = self._written = time.monotonic()
 
     def find(self, keys: Collection[str]) -> dict[str, Kept]:
-        """Return what is kept of those runs that have been written.
-
-        Raises:
-            OSError: A part cannot be opened.
-            ValueError: A part is damaged.
-        """
+        """Return what is kept of those runs that have been written."""
         wanted = set(keys)
         found: dict[str, Kept] = {}
         for part in sorted(self._path.glob(_NAME)):
@@ -110,21 +91,13 @@ class Store:
             self._waiting[key] = kept
 
     def tend(self) -> None:
-        """Write the runs that wait, if the last part is some time ago.
-
-        Raises:
-            OSError: A part cannot be written.
-        """
+        """Write the runs that wait, if the last part is some time ago."""
         now = time.monotonic()
         if now - self._written >= min(max(_LEAST, _SHARE * (now - self._begun)), _MOST):
             self.flush()
 
     def flush(self) -> None:
-        """Write the runs that wait.
-
-        Raises:
-            OSError: A part cannot be written; they wait on.
-        """
+        """Write the runs that wait; if that fails they wait on."""
         with self._lock:
             if self._waiting:
                 name = f"part-{time.time_ns():020d}-{secrets.token_hex(4)}.sqlite"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -53,12 +54,12 @@ class Table:
         self._warnings = [""] * n
         self._kernels: set[str] = set()
         self._rows: dict[Layout, _Rows] = {}
-        self._counted: dict[str, int] = {"missing": n}
+        self.counted = Counter(missing=n)  #: Runs by status.
 
     def add(self, run: int, outcome: Outcome) -> None:
         """Put in the outcome of a run."""
-        self._counted[self._status[run]] -= 1
-        self._counted[outcome.status] = self.count(outcome.status) + 1
+        self.counted[self._status[run]] -= 1
+        self.counted[outcome.status] += 1
         self._status[run], self._message[run] = outcome.status, outcome.message
         self._warnings[run] = outcome.warnings
         if outcome.kernels:
@@ -68,14 +69,6 @@ class Table:
             rows.runs.append(run)
             rows.numbers.append(outcome.value.numbers)
             rows.words.append(outcome.value.words)
-
-    def count(self, status: str) -> int:
-        """Count the runs of a status."""
-        return self._counted.get(status, 0)
-
-    def counts(self) -> dict[str, int]:
-        """Count the runs by status, those that there are."""
-        return {one: self._counted[one] for one in STATUSES if self._counted.get(one, 0)}
 
     def dataset(self, attributes: dict[str, str]) -> Any:
         """Return the table; it does not depend on the order in which runs were done."""

@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 import attrs
 import numpy as np
 
-from ..base.checks import close_to, real, shown
+from ..base.checks import close_to, real
 from ..base.naming import label
 from ..base.run_options import USUAL, Options
 from ..drive.parameters import Path, assign, fields, numbers, parse, read, rule_of, with_indices
 from ..drive.scene import Scene
-from ..loads.motions import CrankMotion, Motion, MotionLike, as_motions
-from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum
-from ..many.content import Place
+from ..loads.motions import CrankMotion, Motion, as_motions
+from ..loads.torques import PiecewiseLinear, Torque, TorqueSum
+from ..many.content import Place, parts_of, speed_of
 
 __all__ = ["OPTIONS", "Named", "ScaledFunction", "changed", "find", "in_words", "place"]
 
@@ -34,15 +34,10 @@ _SCALE = "scale"
 
 
 class Named(NamedTuple):
-    """What a name stands for.
+    """What a name stands for."""
 
-    Attributes:
-        root: "params", "torque", "motion", "t_end" or "option".
-        path: The steps from there, pulleys by index.
-    """
-
-    root: str
-    path: Path
+    root: str  # "params", "torque", "motion", "t_end" or "option"
+    path: Path  # the steps from there, pulleys by index
 
 
 @attrs.frozen
@@ -65,12 +60,9 @@ def find(scene: Scene, name: object) -> Named:
         return Named("t_end", ())
     if root in OPTIONS and len(path) == 1:
         return Named("option", path)
-    if root == "torque":
-        _look_in_torque(scene, str(name), path[1:])
-        return Named("torque", path[1:])
-    if root == "motion":
-        _look_in_motion(scene, str(name), path[1:])
-        return Named("motion", path[1:])
+    if root in ("torque", "motion"):
+        _check_load(scene, str(name), root, path[1:])
+        return Named(root, path[1:])
     if root not in fields(type(scene.params)):
         known = [*numbers(scene.params), "torque.scale", "motion.scale", "t_end", *OPTIONS]
         raise ValueError(f"nothing is called {name!r}{close_to(str(name), known)}")
@@ -82,18 +74,14 @@ def place(scene: Scene, name: str) -> Place:
     """Return where a name stands in the layout of a key."""
     root, path = find(scene, name)
     places = [root]
-    node: Any = scene.params if root == "params" else None
+    node: Any = scene.params
     for step in path:
-        if step == "*":
-            count = len(node)
-            places = [f"{one}[{k}]" for one in places for k in range(count)]
-            node = node[0]
-        elif isinstance(step, int):
-            places = [f"{one}[{step}]" for one in places]
-            node = node[step] if node is not None else None
-        else:
-            places = [f"{one}.{step}" for one in places]
-            node = getattr(node, str(step)) if node is not None else None
+        steps = range(len(node)) if step == "*" else [step]
+        places = [
+            f"{one}.{k}" if isinstance(k, str) else f"{one}[{k}]" for one in places for k in steps
+        ]
+        if root == "params":
+            node = getattr(node, str(steps[0])) if isinstance(steps[0], str) else node[steps[0]]
     return Place(places, bool(path) and path[-1] == _SCALE)
 
 
@@ -133,9 +121,11 @@ def changed(
         else:
             groups[root].append((path, value))
     params = assign(scene.params, _length_or_preload(groups["params"]))
-    torque = _torque_with(scene.torque_fn, groups["torque"])
-    motion = _motion_with(scene, groups["motion"])
-    return Scene(params, torque, t_end, motion), new_options
+    scene = scene._replace(params=params, t_end=t_end)
+    for root, of_loads in groups.items():
+        if root != "params" and of_loads:
+            scene = _with_loads(scene, root, of_loads)
+    return scene, new_options
 
 
 def _length_or_preload(changes: list[tuple[Path, Any]]) -> list[tuple[Path, Any]]:
@@ -151,33 +141,45 @@ def _length_or_preload(changes: list[tuple[Path, Any]]) -> list[tuple[Path, Any]
 # --- Loads ----------------------------------------------------------------------------------------
 
 
-def _parts(torque: TorqueLike) -> tuple[Any, ...]:
-    return torque.parts if isinstance(torque, TorqueSum) else (torque,)
+def _loads(scene: Scene, root: str) -> dict[int, Any]:
+    """Return the parts of the torque by number, or the motions by pulley."""
+    if root == "torque":
+        return dict(enumerate(parts_of(scene.torque_fn)))
+    motions = as_motions(scene.motion, scene.params.pulley_names)
+    return {k: speed_of(one) for k, one in motions.items()}
 
 
-def _look_in_torque(scene: Scene, name: str, path: Path) -> None:
-    if path in ((), (_SCALE,)):
+def _check_load(scene: Scene, name: str, root: str, path: Path) -> None:
+    """Refuse the name of a load that is not there."""
+    whole = path in ((), (_SCALE,))
+    if path == () or (root == "torque" and whole):
         return
-    torque = scene.torque_fn
-    if not isinstance(torque, Torque):
+    if root == "torque" and not isinstance(scene.torque_fn, Torque):
         raise ValueError(
             f'{name}: the torque is a function: only "torque" and "torque.scale" can be changed'
         )
-    parts = _parts(torque)
+    loads, names = _loads(scene, root), scene.params.pulley_names
+    if not loads:
+        raise ValueError(f"{name}: no motion is prescribed in this scene")
+    if whole:
+        return
     at = path[0]
+    if root == "motion" and at not in loads:
+        there = ", ".join(f'"motion[{names[k]}]"' for k in loads)
+        raise ValueError(f"{name}: motions are called by pulley: {there}")
     if not isinstance(at, int):
         raise ValueError(
             f'{name}: torques are called by number, "torque[0].{at}", or "torque.scale"'
         )
-    if at >= len(parts):
-        raise ValueError(f"{name}: the torque has {len(parts)} part(s)")
-    _look_in(parts[at], name, path[1:], f"torque[{at}]")
+    if at not in loads:
+        raise ValueError(f"{name}: the torque has {len(loads)} part(s)")
+    if path[1:] != (_SCALE,):
+        where = f"torque[{at}]" if root == "torque" else f"motion of {label(at, names)}"
+        _look_in(loads[at], name, path[1:], where)
 
 
 def _look_in(node: Any, name: str, path: Path, where: str) -> None:
-    """Go along a path of fields and indices; the last field may be "scale"."""
-    if path in ((), (_SCALE,)):
-        return
+    """Go along a path of fields and indices."""
     for k, step in enumerate(path):
         if isinstance(step, str):
             known = fields(type(node)) if attrs.has(type(node)) else []
@@ -192,38 +194,47 @@ def _look_in(node: Any, name: str, path: Path, where: str) -> None:
         where += f".{step}" if isinstance(step, str) else f"[{step}]"
 
 
-def _scaled_torque(torque: TorqueLike, factor: object) -> TorqueLike:
-    number = real("torque.scale", factor)
-    if isinstance(torque, Torque):
-        return torque * number
-    if not callable(torque):
-        raise ValueError("torque.scale: a compiled function cannot be multiplied by a number")
-    return ScaledFunction(torque, number)
-
-
-def _torque_with(torque: TorqueLike, changes: list[tuple[Path, Any]]) -> TorqueLike:
+def _with_loads(scene: Scene, root: str, changes: list[tuple[Path, Any]]) -> Scene:
+    """Change torque or motion: the whole, fields of parts, factors on parts, on all."""
+    field = "torque_fn" if root == "torque" else "motion"
+    whole = [value for path, value in changes if path == ()]
+    if whole:
+        scene = scene._replace(**{field: whole[-1]})
+        for path, _ in changes:
+            _check_load(scene, root, root, path)
+    if len(changes) == len(whole):
+        return scene
+    loads = _loads(scene, root)
     for path, value in sorted(changes, key=_rank):
-        if path == ():
-            torque = value
-        elif path == (_SCALE,):
-            torque = _scaled_torque(torque, value)
-        else:
-            parts = list(_parts(torque))
+        if path == (_SCALE,):
+            loads = {k: _scaled(one, value, root) for k, one in loads.items()}
+        elif path:
             at = int(path[0])
             if path[1:] == (_SCALE,):
-                parts[at] = _scaled_torque(parts[at], value)
+                loads[at] = _scaled(loads[at], value, root)
             else:
-                parts[at] = _with(parts[at], path[1:], value)
-            torque = parts[0] if len(parts) == 1 else TorqueSum(parts)
-    return torque
+                loads[at] = _with(loads[at], path[1:], value)
+    if root == "motion":
+        return scene._replace(motion=loads)
+    return scene._replace(torque_fn=loads[0] if len(loads) == 1 else TorqueSum([*loads.values()]))
 
 
 def _rank(change: tuple[Path, Any]) -> int:
-    """Return the order of a change: the whole, its fields, factors on parts, on the whole."""
     path = change[0]
-    if path and path[-1] == _SCALE:
-        return 3 if len(path) == 1 else 2
-    return 1 if path else 0
+    return (3 if len(path) == 1 else 2) if path and path[-1] == _SCALE else 1
+
+
+def _scaled(load: Any, factor: object, root: str) -> Any:
+    number = real(f"{root}.scale", factor)
+    if isinstance(load, CrankMotion):
+        return attrs.evolve(load, speed=load.speed * number)
+    if isinstance(load, Torque):
+        return load * number
+    if isinstance(load, Motion):
+        return Motion(angle=ScaledFunction(load.angle, number))
+    if not callable(load):
+        raise ValueError("torque.scale: a compiled function cannot be multiplied by a number")
+    return ScaledFunction(load, number)
 
 
 def _with(node: Any, path: Path, value: Any) -> Any:
@@ -241,60 +252,3 @@ def _with(node: Any, path: Path, value: Any) -> Any:
         copy[step] = _with(copy[step], path[1:], value)
         return copy
     return tuple(_with(one, path[1:], value) if k == step else one for k, one in enumerate(node))
-
-
-# --- Motions --------------------------------------------------------------------------------------
-
-
-def _look_in_motion(scene: Scene, name: str, path: Path) -> None:
-    names = scene.params.pulley_names
-    motions = as_motions(scene.motion, names)
-    if path == ():
-        return
-    if not motions:
-        raise ValueError(f"{name}: no motion is prescribed in this scene")
-    if path == (_SCALE,):
-        return
-    at = path[0]
-    if not isinstance(at, int) or at not in motions:
-        there = ", ".join(f'"motion[{names[k]}]"' for k in motions)
-        raise ValueError(f"{name}: motions are called by pulley: {there}")
-    _look_in(_own(motions[at]), name, path[1:], f"motion of {label(at, names)}")
-
-
-def _own(motion: Motion | CrankMotion) -> Any:
-    """Return the speed of a motion that is one, whose fields are called as in a scene file."""
-    return motion.speed if isinstance(motion, Motion) and motion.speed is not None else motion
-
-
-def _scaled_motion(motion: Any, factor: object) -> MotionLike:
-    number = real("motion.scale", factor)
-    if isinstance(motion, CrankMotion):
-        return attrs.evolve(motion, speed=motion.speed * number)
-    if isinstance(motion, PiecewiseLinear):
-        return motion * number
-    if isinstance(motion, Motion):
-        return Motion(angle=ScaledFunction(motion.angle, number))
-    return Motion(speed=ScaledFunction(motion, number))
-
-
-def _motion_with(scene: Scene, changes: list[tuple[Path, Any]]) -> Any:
-    if not changes:
-        return scene.motion
-    whole = [value for path, value in changes if path == ()]
-    if whole and not isinstance(whole[-1], Mapping):
-        raise ValueError(f"motion must be a mapping by pulley, got {shown(whole[-1])}")
-    given = whole[-1] if whole else scene.motion
-    motions: dict[int, Any] = {
-        k: _own(one) for k, one in as_motions(given, scene.params.pulley_names).items()
-    }
-    for path, value in sorted(changes, key=_rank):
-        if path == (_SCALE,):
-            motions = {k: _scaled_motion(one, value) for k, one in motions.items()}
-        elif path:
-            at = int(path[0])
-            if path[1:] == (_SCALE,):
-                motions[at] = _scaled_motion(motions[at], value)
-            else:
-                motions[at] = _with(motions[at], path[1:], value)
-    return motions

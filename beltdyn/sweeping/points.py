@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -23,19 +22,12 @@ _MOST = 2**63
 
 @attrs.frozen(eq=False)
 class Points:
-    """All runs of a sweep.
+    """All runs of a sweep."""
 
-    Attributes:
-        names: Swept names.
-        axes: Of a grid, the values of each name; empty for any other.
-        rows: The values of each run, in the order of the names.
-        design: How they were chosen, in plain words and numbers.
-    """
-
-    names: tuple[str, ...]
-    axes: tuple[tuple[Any, ...], ...]
-    rows: tuple[tuple[Any, ...], ...]
-    design: dict[str, Any]
+    names: tuple[str, ...]  # what is swept
+    axes: tuple[tuple[Any, ...], ...]  # of a grid, the values of each name; empty for any other
+    rows: tuple[tuple[Any, ...], ...]  # the values of each run, in the order of the names
+    design: dict[str, Any]  # how they were chosen, in plain words and numbers
 
     @property
     def dims(self) -> tuple[str, ...]:
@@ -123,8 +115,3 @@ def _values(name: str, values: Any) -> tuple[Any, ...]:
                 raise ValueError(f"over[{name!r}] holds {value!r} twice")
             seen.add(repr(value))
     return listed
-
-
-def as_json(design: Mapping[str, Any]) -> str:
-    """Write a design as text, for an attribute of a file."""
-    return json.dumps(design, sort_keys=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -15,28 +17,27 @@ from ..base.checks import close_to, flag, positive, sample_times
 from ..base.optional import optional_module
 from ..base.run_options import Options
 from ..drive.parameters import overlap
-from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.motions import as_motions, in_core
 from ..loads.torques import Torque, as_terms
 from ..many.collect import Cost, collect
-from ..many.content import Contents
-from ..many.identity import NoKeyError, token
-from ..many.outcome import Outcome
+from ..many.content import Contents, known
+from ..many.identity import token
+from ..many.outcome import STATUSES, Outcome
 from ..many.pools import Pool, as_pool
 from ..run.settling import check_initial
 from ..run.start_of_run import span
+from ..verification.runs import whole_scene
 from .dataset import Table
-from .measure import Measure, as_measure
+from .measure import as_measure
 from .names import OPTIONS, find, in_words, place
 from .outcomes import in_text, of_kept, to_kept
-from .points import RUN, Points, as_json, as_points
-from .work import Job
+from .points import RUN, Points, as_points
+from .work import Work
 
 __all__ = ["SweepInterrupted", "Swept", "run_sweep", "sweep"]
 
-#: Any time is before it [s].
-_LATEST = 1e300
+_LATEST = 1e300  #: Any time is before it [s].
 
 
 class SweepInterrupted(KeyboardInterrupt):
@@ -53,15 +54,10 @@ class SweepInterrupted(KeyboardInterrupt):
 
 @attrs.frozen(kw_only=True)
 class Swept(Cost):
-    """A finished sweep, and its cost.
-
-    Attributes:
-        dataset: The results.
-        counts: Runs by status.
-    """
+    """A finished sweep, and its cost."""
 
     dataset: Any
-    counts: dict[str, int]
+    counts: dict[str, int]  # runs by status
 
 
 def sweep(
@@ -185,7 +181,7 @@ def run_sweep(
     points = as_points(over, combine)
     if "t_end" in options and "t_end" not in points.names:
         base = base._replace(t_end=positive("t_end", options.pop("t_end"), "s"))
-    described = _check_names(base, points)
+    table = Table(points, _check_names(base, points))
     _check_options(options, base, points)
     what = as_measure(measure, base.params, last)
     taken = {*points.names, RUN, "status", "message", "warnings"} & what.names
@@ -193,113 +189,91 @@ def run_sweep(
         raise ValueError(f"measure: {min(taken)!r} is the name of something else in the result")
     if not isinstance(key, str):
         raise TypeError(f"key must be a str, got {type(key).__name__}")
-    job = Job(
-        scene=base, options=options, names=points.names, measure=what, chained=warm is not None
-    )
-    runs = _Runs(job, points, _chains(points, warm), Table(points, described))
-    keys = [] if store is None else runs.keys(key)
+    work, after = Work(base, options, points.names, what, warm is not None), _chains(points, warm)
     shown = flag("progress", progress)
-    try:
-        return runs.all(executor, store, keys, shown)
-    except KeyboardInterrupt as error:
-        message = f"interrupted after {runs.done} of {len(points.rows)} runs"
-        raise SweepInterrupted(message, runs.dataset()) from error
 
-
-class _Runs:
-    """The runs of a sweep: those that a store has, and those still to do."""
-
-    def __init__(self, job: Job, points: Points, after: list[int], table: Table) -> None:
-        self._job, self._points, self._after, self._table = job, points, after, table
-        self.done = 0
-
-    def keys(self, key: str) -> list[str]:
-        """Return the key of each run in a store."""
-        job, points = self._job, self._points
-        try:
-            # runs that others start from are kept with the states at their ends
-            what = token(job.measure, key) + (" chained" if max(self._after) >= 0 else "")
-            places = [place(job.scene, name) for name in points.names]
-            contents = Contents(job.scene, {**OPTIONS, **job.options}, places, what, key)
-            keys: list[str] = []
-            for run, row in enumerate(points.rows):
-                before = keys[self._after[run]] if self._after[run] >= 0 else ""
-                keys.append(contents.key(row, before))
-        except NoKeyError as error:
-            raise ValueError(
-                f"store: runs are known by their content, and {error}; leave store out, or give "
-                "key= for what the functions of the scene and measure do"
-            ) from None
-        return keys
-
-    def all(
-        self, executor: Any, store: str | os.PathLike[str] | None, keys: list[str], progress: bool
-    ) -> Swept:
-        """Do all of them."""
-        cost = collect(
-            self._job,
-            self._points.rows,
-            lambda: self._pool(executor, progress),
-            self._take,
-            after=self._after,
-            order=lambda runs: _order(self._job.scene, self._points, runs),
-            store=store,
-            keys=keys,
-            to_kept=to_kept,
-            of_kept=of_kept,
-            progress=progress,
-            label="sweep",
-        )
-        return Swept(**attrs.asdict(cost), dataset=self.dataset(), counts=self._table.counts())
-
-    def dataset(self) -> Any:
-        """Return what there is so far."""
-        job = self._job
-        options = {"last": job.measure.last, **job.options}
-        return self._table.dataset(
-            {
-                "title": f"sweep over {', '.join(job.names)}",
-                "scene": _scene_text(job.scene),
-                "options": "; ".join(f"{name} = {in_text(options[name])}" for name in options),
-                "design": as_json(self._points.design),
-                "beltdyn_version": _core.__version__,
-            }
-        )
-
-    def _take(self, run: int, outcome: Outcome) -> str:
-        self.done += 1
-        self._table.add(run, outcome)
-        bad = self.done - self._table.count("finished")
+    def take(run: int, outcome: Outcome) -> str:
+        table.add(run, outcome)
+        bad = len(points.rows) - table.counted["missing"] - table.counted["finished"]
         return f"{bad} without result" if bad else ""
 
-    def _pool(self, executor: Any, progress: bool) -> Pool:
-        scene = self._job.scene
-        compiled = "function" in _kinds(scene, self._points)
-        why = "" if compiled else _in_python(scene, self._points, self._job.measure)
-        pool = as_pool(executor, why)
-        if compiled and pool.remote:
-            pool.close(True)
-            raise TypeError(
-                "the torque is a compiled function, known by an address that means nothing in "
-                'other processes: give executor="threads"'
-            )
-        if progress and why and executor is None:
-            print(f"sweep: in {pool.text}, because {why}", file=sys.stderr)
-        return pool
+    try:
+        cost = collect(
+            work,
+            points.rows,
+            lambda: _workers(executor, work, points, shown),
+            take,
+            after=after,
+            order=lambda runs: _order(work, points, runs),
+            store=store,
+            keys=[] if store is None else _keys(work, points, after, key),
+            to_kept=to_kept,
+            of_kept=of_kept,
+            progress=shown,
+            label="sweep",
+        )
+    except KeyboardInterrupt as error:
+        done = len(points.rows) - table.counted["missing"]
+        message = f"interrupted after {done} of {len(points.rows)} runs"
+        raise SweepInterrupted(message, _dataset(work, points, table)) from error
+    return Swept(
+        **attrs.asdict(cost),
+        dataset=_dataset(work, points, table),
+        counts={one: table.counted[one] for one in STATUSES if table.counted[one]},
+    )
+
+
+def _keys(work: Work, points: Points, after: Sequence[int], key: str) -> list[str]:
+    """Return the key of each run in a store."""
+    keys: list[str] = []
+    with known(", or give key= for what the functions of the scene and measure do"):
+        # runs that others start from are kept with the states at their ends
+        what = token(work.measure, key) + (" chained" if max(after) >= 0 else "")
+        places = [place(work.scene, name) for name in points.names]
+        contents = Contents(work.scene, {**OPTIONS, **work.options}, places, what, key)
+        for run, row in enumerate(points.rows):
+            before = keys[after[run]] if after[run] >= 0 else ""
+            keys.append(contents.key(row, before))
+    return keys
+
+
+def _dataset(work: Work, points: Points, table: Table) -> Any:
+    options = {"last": work.measure.last, **work.options}
+    try:
+        scene = work.scene.to_toml()
+    except TypeError:
+        scene = in_text(work.scene)
+    return table.dataset(
+        {
+            "title": f"sweep over {', '.join(points.names)}",
+            "scene": scene,
+            "options": "; ".join(f"{name} = {in_text(options[name])}" for name in options),
+            "design": json.dumps(points.design, sort_keys=True),
+            "beltdyn_version": _core.__version__,
+        }
+    )
+
+
+def _workers(executor: Any, work: Work, points: Points, progress: bool) -> Pool:
+    kinds = _kinds(work.scene, points)
+    why = "" if "function" in kinds else _in_python(work, points, kinds)
+    pool = as_pool(executor, why)
+    if "function" in kinds and pool.remote:
+        pool.close(True)
+        raise TypeError(
+            "the torque is a compiled function, known by an address that means nothing in "
+            'other processes: give executor="threads"'
+        )
+    if progress and why and executor is None:
+        print(f"sweep: in {pool.text}, because {why}", file=sys.stderr)
+    return pool
 
 
 def as_scene(scene: Any) -> Scene:
     """Return the scene of an argument."""
     if isinstance(scene, (str, os.PathLike)):
         return scenes.find(scene)
-    if isinstance(scene, tuple) and 3 <= len(scene) <= 4 and isinstance(scene[0], Params):
-        found = Scene(*scene)
-        found.check()
-        return found
-    raise TypeError(
-        "scene must be a Scene, (params, torque_fn, t_end) with or without motion, the name of a "
-        f"scene or a TOML file, got {type(scene).__name__}"
-    )
+    return whole_scene(scene, "the name of a scene or a TOML file")
 
 
 def _check_names(scene: Scene, points: Points) -> dict[str, tuple[str, str]]:
@@ -316,7 +290,7 @@ def _check_options(options: Mapping[str, Any], scene: Scene, points: Points) -> 
     """Check what all runs are given, as far as it does not depend on what is swept."""
     for name in options:
         if name not in (*OPTIONS, "t_end"):
-            hint = close_to(name, OPTIONS)
+            hint = close_to(name, [*OPTIONS, "measure", *(run_sweep.__kwdefaults__ or ())])
             why = ": what is kept follows from measure" if name == "outputs" else ""
             raise TypeError(f"sweep takes no argument {name!r}{hint}{why}")
         if name in points.names:
@@ -341,20 +315,17 @@ def _chains(points: Points, warm: object) -> list[int]:
     if warm not in points.names:
         raise ValueError(f"warm must be one of {', '.join(points.names)}, got {warm!r}")
     k = points.names.index(str(warm))
-    stride = 1
-    for length in points.shape[k + 1 :]:
-        stride *= length
+    stride = math.prod(points.shape[k + 1 :])
     return [
         run - stride if (run // stride) % points.shape[k] else -1 for run in range(len(points.rows))
     ]
 
 
-def _order(scene: Scene, points: Points, runs: Sequence[int]) -> list[int]:
+def _order(work: Work, points: Points, runs: Sequence[int]) -> list[int]:
     """Sort runs of the same drive together: they share its settled state."""
-    of_drive = [k for k, name in enumerate(points.names) if find(scene, name).root == "params"]
     groups: dict[str, list[int]] = {}
     for run in runs:
-        groups.setdefault(repr([points.rows[run][k] for k in of_drive]), []).append(run)
+        groups.setdefault(repr([points.rows[run][k] for k in work.of_drive]), []).append(run)
     return [run for group in groups.values() for run in group]
 
 
@@ -371,20 +342,11 @@ def _kinds(scene: Scene, points: Points) -> set[str]:
     return found
 
 
-def _in_python(scene: Scene, points: Points, measure: Measure) -> str:
+def _in_python(work: Work, points: Points, kinds: set[str]) -> str:
     """Return the reason why runs keep the interpreter busy, "" if they do not."""
-    if "call" in _kinds(scene, points):
+    if "call" in kinds:
         return "the torque is a Python function"
-    motions = as_motions(scene.motion, scene.params.pulley_names)
+    motions = as_motions(work.scene.motion, work.scene.params.pulley_names)
     if "motion" in points.names or not all(map(in_core, motions.values())):
         return "a motion is a Python function"
-    if measure.in_python:
-        return "reports take much Python"
-    return ""
-
-
-def _scene_text(scene: Scene) -> str:
-    try:
-        return scene.to_toml()
-    except TypeError:
-        return in_text(scene)
+    return "reports take much Python" if work.measure.in_python else ""

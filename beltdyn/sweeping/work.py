@@ -24,104 +24,83 @@ from ..run.simulation import settle, simulate
 from .measure import Measure
 from .names import changed, find
 
-__all__ = ["Job", "Work"]
+__all__ = ["Work"]
+
+#: What tells the drives of a sweep apart: their swept values.
+_Drive = tuple[Hashable, ...]
 
 
-@attrs.frozen(eq=False, kw_only=True)
-class Job:
-    """What all runs of a sweep have in common.
-
-    Attributes:
-        scene: The scene before anything is changed.
-        options: Arguments of simulate.
-        names: Swept names.
-        measure: Measured quantities.
-        chained: Whether runs may start from the end of others, so that final states are kept.
-    """
-
-    scene: Scene
-    options: dict[str, Any]
-    names: tuple[str, ...]
-    measure: Measure
-    chained: bool = False
-
-    def work(self) -> Work:
-        """Return what does the runs."""
-        return Work(self)
-
-
+@attrs.frozen(eq=False)
 class Work:
-    """Does runs of a job; several threads may share it."""
+    """The runs of a sweep, by their values; threads may share it, other processes be sent it."""
 
-    def __init__(self, job: Job) -> None:
-        self.job = job
-        roots = [find(job.scene, name).root for name in job.names]
-        self._of_drive = [k for k, root in enumerate(roots) if root == "params"]
-        self._drives: Shared[tuple[Any, ...], Params] = Shared(self._drive)
-        self._states: Shared[tuple[Any, ...], State] = Shared(self._settled)
+    scene: Scene  # before anything is changed
+    options: dict[str, Any]  # of simulate
+    names: tuple[str, ...]  # what is swept
+    measure: Measure
+    chained: bool  # whether runs may start from the end of others, so that final states are kept
+    of_drive: list[int] = attrs.field(init=False)  # which of the names are the drive's
+    _drives: Shared[_Drive, Params] = attrs.field(init=False)
+    _states: Shared[_Drive, State] = attrs.field(init=False)
 
-    @property
-    def settled(self) -> int:
-        """How many states this thread has settled so far."""
-        return self._states.made
+    @of_drive.default
+    def _find(self) -> list[int]:
+        return [k for k, name in enumerate(self.names) if find(self.scene, name).root == "params"]
 
-    def run(self, values: Sequence[Any], before: Array | None = None) -> Outcome:
-        """Do a run.
+    @_drives.default
+    def _of_drives(self) -> Shared[_Drive, Params]:
+        return Shared(self._drive)
 
-        Args:
-            values: Values of the swept names.
-            before: Final state, as numbers, of the run whose end this one starts from.
+    @_states.default
+    def _of_states(self) -> Shared[_Drive, State]:
+        return Shared(self._settled)
 
-        Raises:
-            KeyboardInterrupt: It was interrupted.
-        """
+    def __call__(self, values: Sequence[Any], before: Array | None = None) -> Outcome:
+        """Do a run; ``before`` is the final state of the one whose end it starts from."""
+        made = self._states.made
+        outcome = self._run(values, before)
+        return attrs.evolve(outcome, error=None, settled=self._states.made - made)  # to be sent
+
+    def _run(self, values: Sequence[Any], before: Array | None) -> Outcome:
         prepared = attempt(lambda: self._scene(values), (TypeError, ValueError))
         if prepared.status != "finished":
-            return attrs.evolve(prepared, error=None)  # which processes need not send
+            return prepared
         drive, scene, options = prepared.value
-        ran = attempt(lambda: self._simulate(values, drive, scene, options, before))
+        ran = attempt(lambda: self._simulate(drive, scene, options, before))
         if ran.status != "finished":
-            return attrs.evolve(ran, error=None)
+            return ran
         result: Result = ran.value
-        lines = "\n".join(map(str, result.warnings))
-        final = _numbers_of(result.final_state) if self.job.chained else np.zeros(0)
+        ran = attrs.evolve(
+            ran,
+            warnings="\n".join(map(str, result.warnings)),
+            final=_numbers_of(result.final_state) if self.chained else np.zeros(0),
+        )
         try:
-            value = self.job.measure.of(result)
+            return attrs.evolve(ran, value=self.measure.of(result))
         except Exception as error:
-            return Outcome(
-                status="measure",
-                message=f"{type(error).__name__}: {in_line(error)}{_where(error)}",
-                reproducible=False,
-                warnings=lines,
-                kernels=ran.kernels,
-                final=final,
+            message = f"{type(error).__name__}: {in_line(error)}{_where(error)}"
+            return attrs.evolve(
+                ran, status="measure", message=message, value=None, reproducible=False
             )
-        return attrs.evolve(ran, warnings=lines, value=value, final=final)
 
-    def _scene(self, values: Sequence[Any]) -> tuple[tuple[Any, ...], Scene, dict[str, Any]]:
+    def _scene(self, values: Sequence[Any]) -> tuple[_Drive, Scene, dict[str, Any]]:
         """Return the scene of a run; drives with the same numbers are the same object."""
-        job = self.job
-        drive = tuple(_hashable(values[k]) for k in self._of_drive)
-        changes = dict(zip(job.names, values, strict=True))
-        of_drive = {job.names[k]: changes.pop(job.names[k]) for k in self._of_drive}
+        drive = tuple(_hashable(values[k]) for k in self.of_drive)
+        changes = dict(zip(self.names, values, strict=True))
+        of_drive = {self.names[k]: changes.pop(self.names[k]) for k in self.of_drive}
         params = self._drives.get(drive, of_drive)
-        scene, options = changed(job.scene._replace(params=params), job.options, changes)
+        scene, options = changed(self.scene._replace(params=params), self.options, changes)
         scene.check()
         return drive, scene, options
 
-    def _drive(self, _key: tuple[Any, ...], changes: dict[str, Any]) -> Params:
-        return changed(self.job.scene, {}, changes)[0].params
+    def _drive(self, _key: _Drive, changes: dict[str, Any]) -> Params:
+        return changed(self.scene, {}, changes)[0].params
 
-    def _settled(self, _key: tuple[Any, ...], of: tuple[Params, dict[int, float] | None]) -> State:
+    def _settled(self, _key: _Drive, of: tuple[Params, dict[int, float] | None]) -> State:
         return settle(of[0], speed=of[1])
 
     def _simulate(
-        self,
-        values: Sequence[Any],
-        drive: tuple[Any, ...],
-        scene: Scene,
-        options: dict[str, Any],
-        before: Array | None,
+        self, drive: _Drive, scene: Scene, options: dict[str, Any], before: Array | None
     ) -> Result:
         with silenced():
             if before is not None:
@@ -132,14 +111,7 @@ class Work:
                 key = (*drive, tuple((speeds or {}).items()))
                 state = self._states.get(key, (scene.params, speeds))
                 options = {**options, "initial": state}
-            return simulate(
-                scene.params,
-                scene.torque_fn,
-                scene.t_end,
-                scene.motion,
-                outputs=self.job.measure.outputs,
-                **options,
-            )
+            return simulate(*scene, outputs=self.measure.outputs, **options)
 
 
 def _hashable(value: Any) -> Hashable:

@@ -25,14 +25,16 @@ from .settings import Setting
 __all__ = ["Done", "Reached", "Runs", "apart_from", "evaluated_in_core", "whole_scene"]
 
 
-def whole_scene(value: object) -> Scene:
+def whole_scene(value: object, other: str = "one of bd.scenes") -> Scene:
     """Return a scene that can be run, from one or from a tuple of its parts."""
-    if not isinstance(value, tuple) or not 3 <= len(value) <= 4:
+    parts = value if isinstance(value, tuple) else ()
+    if not 3 <= len(parts) <= 4 or not isinstance(parts[0], Params):
+        kinds = ", ".join(type(one).__name__ for one in parts)
         raise TypeError(
-            "scene must be a bd.Scene(params, torque_fn, t_end), or one of bd.scenes, "
-            f"got {type(value).__name__}"
+            "scene must be a bd.Scene(params, torque_fn, t_end), with or without motion, or "
+            f"{other}, got {f'({kinds})' if kinds else type(value).__name__}"
         )
-    scene = Scene(*value)
+    scene = Scene(*parts)
     scene.check()
     return scene
 
