@@ -8,20 +8,13 @@
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
 from ..base.described import describe_all
 from ..outputs.accuracy_report import Accuracy, Expected, QuantityError
 from ..verification.quantities import QUANTITIES, Observed, differences, observe, with_links
-
-if TYPE_CHECKING:
-    from .studies import quick as quick
-    from .studies import study as study
-    from .study_rows import Row as Row
-    from .study_table import Study as Study
-    from .suggestion import Suggestion as Suggestion
-    from .suggestion import suggest as suggest
+from .studies import quick, study
+from .study_rows import Row
+from .study_table import Study
+from .suggestion import Suggestion, suggest
 
 __all__ = [
     "QUANTITIES",
@@ -40,23 +33,4 @@ __all__ = [
     "with_links",
 ]
 
-#: Where to find what few programs need: imported when it is first asked for.
-_LATE = {
-    "Row": "study_rows",
-    "Study": "study_table",
-    "Suggestion": "suggestion",
-    "quick": "studies",
-    "study": "studies",
-    "suggest": "suggestion",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name in _LATE:
-        found = globals()[name] = getattr(import_module(f"{__name__}.{_LATE[name]}"), name)
-        describe_all((found,))
-        return found
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-describe_all(globals().get(name) for name in __all__)
+describe_all(map(globals().__getitem__, __all__))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import attrs
@@ -17,6 +17,7 @@ from ..drive.params import Params
 from ..drive.scene import Scene
 from ..many.collect import outcomes
 from ..many.content import Contents, known
+from ..many.dispatch import Run
 from ..many.outcome import Outcome, attempt
 from ..many.pools import as_pool
 from ..result.errors import SimulationError
@@ -48,6 +49,7 @@ _EXPLICIT_STEP, _EXPLICIT_COST, _LONGEST = 2.5, 8e-8, 7.5
 _QUICK, _QUICK_LIMIT, _BOTH, _ONE = 15.0, 0.2, 100.0, 40.0
 #: The order of the meshes, to estimate what is left of the error in space on the finest.
 _ORDER = 2.0
+_Outcomes = dict[Setting, Outcome]
 #: What is measured of a run that failed.
 _FAILED: dict[str, Any] = {
     "seconds": math.nan,
@@ -107,18 +109,37 @@ def study(
         workers = 1
     ladder = _numbers(scene.params, n_bodies)
     last = real("last", last)
+    contents = None
+    if store is not None:  # CPU times are those of an instruction level
+        with known():
+            contents = Contents(scene, {}, (), f"study {last} {_core.kernel_level()}")
+    workers = workers if workers is None else integer("workers", workers, 1)
+    shown = flag("progress", progress)
+
+    def collected(what: str, do: Run, inputs: Mapping[Setting, Any], **others: Any) -> _Outcomes:
+        """Do runs at settings; of each what it depends on besides the scene is given."""
+        found = outcomes(
+            do,
+            list(inputs),
+            lambda: as_pool(workers),
+            str,
+            store=store,
+            keys=[contents.key((), json.dumps(one)) for one in inputs.values()] if contents else [],
+            progress=shown,
+            label=f"accuracy, {what}",
+            **others,
+        )
+        return dict(zip(inputs, found, strict=True))
+
     job = _Job(
         scene=scene,
-        methods=_names(_methods(scene.params) if methods is None else methods),
+        methods=_names(scene, methods),
         rtols=sorted((positive("rtols", rtol) for rtol in rtols), reverse=True),
         meshes=ladder,
         finest=2 * ladder[-1] if finest is None else integer("finest", finest, ladder[-1] + 1),
         limit=positive("limit", limit, "s"),
         runs=Runs(scene, simulate, settle, last=last),
-        workers=workers if workers is None else integer("workers", workers, 1),
-        store=store,
-        contents=None if store is None else _contents(scene, last),
-        progress=flag("progress", progress),
+        collected=collected,
     )
     return job.study()
 
@@ -144,18 +165,19 @@ def quick(scene: Scene) -> tuple[Scene, dict[str, Any]]:
     return scene._replace(t_end=share * scene.t_end), options
 
 
-def _methods(params: Params) -> list[str]:
-    explicit = "tsit5" if params._belt_facts["flows"] else ""
-    return [name for name in METHODS if name != explicit]
-
-
-def _names(methods: Sequence[str]) -> list[str]:
+def _names(scene: Scene, methods: Sequence[str] | None) -> list[str]:
+    if methods is None:
+        return [name for name in METHODS if name != "tsit5" or not _flows(scene)]
     if isinstance(methods, str) or not methods:
         raise TypeError(f"methods must be a sequence of names, got {methods!r}")
     for name in methods:
         if name not in METHODS:
             raise ValueError(f"methods must be of {', '.join(METHODS)}, got {name!r}")
     return list(dict.fromkeys(methods))
+
+
+def _flows(scene: Scene) -> bool:
+    return bool(scene.params._belt_facts["flows"])
 
 
 def _numbers(params: Params, n_bodies: Sequence[int] | None) -> list[int]:
@@ -166,13 +188,7 @@ def _numbers(params: Params, n_bodies: Sequence[int] | None) -> list[int]:
     return numbers
 
 
-def _contents(scene: Scene, last: float) -> Contents:
-    """Return the keys of runs: CPU times are those of an instruction level."""
-    with known():
-        return Contents(scene, {}, (), f"study {last} {_core.kernel_level()}")
-
-
-@attrs.define(kw_only=True, eq=False)
+@attrs.frozen(eq=False, kw_only=True)
 class _Job:
     """A study in progress."""
 
@@ -183,95 +199,76 @@ class _Job:
     finest: int
     limit: float
     runs: Runs
-    workers: int | None
-    store: str | os.PathLike[str] | None
-    contents: Contents | None
-    progress: bool
+    collected: Callable[..., _Outcomes]
 
     def study(self) -> Study:
         # The longest first, so that no thread is left with them at the end.
-        wanted = [Setting(self.finest, *pair) for pair in self._references(_FINE)]
-        for n_b in reversed(self.meshes):
-            wanted += [Setting(n_b, *pair) for pair in self._tight(n_b)]
-        what = [["reference", attrs.astuple(one)] for one in wanted]
-        found = self._collect("references", self._reference, wanted, what)
-        seen = {one: _from_lists(of.value) for one, of in zip(wanted, found, strict=True)}
-        references = {n_b: self._pair(n_b, seen) for n_b in [*self.meshes, self.finest]}
-        fine = references[self.finest]
+        pairs = {n: self._references(n) for n in (self.finest, *reversed(self.meshes))}
+        wanted = {one: ["reference", attrs.astuple(one)] for pair in pairs.values() for one in pair}
+        referred = self.collected("references", self._reference, wanted)
+        seen = {one: _from_lists(outcome.value) for one, outcome in referred.items()}
+        first, second = ({n: seen[pair[k]] for n, pair in pairs.items()} for k in (0, 1))
+        fine = first[self.finest]
 
-        def against(n_b: int) -> list[Any]:
-            return [attrs.astuple(one) for one, _ in (*references[n_b], *fine)]
+        def climb(one: Setting, before: Array | None) -> Outcome:
+            own = {pair.method: seen[pair] for pair in pairs[one.n_bodies]}
+            return self._climb(one, before, own, fine)
 
-        settings = [
-            Setting(n, m, r)
-            for n in reversed(self.meshes)
-            for m in self.methods
-            for r in self.rtols
-        ]
-        climbed = self._collect(
+        settings = self._settings(reversed(self.meshes))
+        climbed = self.collected(
             "runs",
-            lambda one, before: self._climb(one, before, references[one.n_bodies], fine[0][1]),
-            settings,
-            [[attrs.astuple(one), against(one.n_bodies)] for one in settings],
+            climb,
+            {
+                one: [attrs.astuple(of) for of in (one, *pairs[one.n_bodies], *pairs[self.finest])]
+                for one in settings
+            },
             after=[k - 1 if k % len(self.rtols) else -1 for k in range(len(settings))],
         )
-        rows = [
-            Row(setting=one, **(of.value or _FAILED), failure=of.message)
-            for one, of in zip(settings, climbed, strict=True)
-            if of.status != "missing"
-        ]
-        return self._study(rows, references)
-
-    def _collect(
-        self,
-        what: str,
-        run: Callable[[Setting, Array | None], Outcome],
-        settings: list[Setting],
-        inputs: list[Any],
-        after: Sequence[int] = (),
-    ) -> list[Outcome]:
-        """Return the outcomes of runs; of each what it depends on besides the scene is given."""
-        contents = self.contents
-        return outcomes(
-            run,
-            settings,
-            lambda: as_pool(self.workers),
-            str,
-            after=after,
-            store=self.store,
-            keys=[contents.key((), json.dumps(one)) for one in inputs] if contents else [],
-            progress=self.progress,
-            label=f"accuracy, {what}",
+        space = {n: differences(first[n], fine) for n in self.meshes}
+        floors = {n: differences(second[n], first[n]) for n in pairs}
+        fall = (self.finest / self.meshes[-1]) ** _ORDER - 1.0
+        left = {name: error / fall for name, error in space[self.meshes[-1]].items()}
+        nodes = self.scene.params._belt_facts["nodes"]
+        return Study(
+            rows=tuple(
+                Row(setting=one, **(climbed[one].value or _FAILED), failure=climbed[one].message)
+                for one in self._settings(self.meshes)
+                if climbed[one].status != "missing"
+            ),
+            space=space,
+            time_floor={n: floors[n] for n in self.meshes},
+            space_floor={name: max(floors[self.finest][name], left[name]) for name in QUANTITIES},
+            finest=self.finest,
+            references=tuple(
+                f"{n} {nodes}: "
+                + " and ".join(f"{one.method} at rtol {one.rtol:g}" for one in pairs[n])
+                for n in sorted(pairs)
+            ),
+            mesh=self.scene.params.belt.mesh,
+            nodes=nodes,
+            n_bodies=self.scene.params.n_bodies,
         )
 
-    # --- references ---
+    def _settings(self, meshes: Iterable[int]) -> list[Setting]:
+        return [Setting(n, m, r) for n in meshes for m in self.methods for r in self.rtols]
 
-    def _references(self, pairs: Sequence[tuple[str, float, float]]) -> list[tuple[str, float]]:
-        least = min(self.rtols)
-        scale = _ON_CELLS if self.scene.params._belt_facts["flows"] else 1.0
-        return [(name, scale * max(share * least, floor)) for name, share, floor in pairs]
-
-    def _tight(self, n_b: int) -> list[tuple[str, float]]:
-        bound = with_links(self.scene.params, n_b).info["spectral_bound"]
-        explicit = self.scene.t_end * bound / _EXPLICIT_STEP * _EXPLICIT_COST * n_b
-        if self.scene.params._belt_facts["flows"] or explicit > _LONGEST * self.limit:
-            return self._references(_TIGHT[1:])
-        return self._references(_TIGHT[:2])
+    def _references(self, n_b: int) -> list[Setting]:
+        """Return two settings on a mesh whose runs others are compared to."""
+        flows, pairs = _flows(self.scene), _FINE
+        if n_b != self.finest:
+            bound = with_links(self.scene.params, n_b).info["spectral_bound"]
+            explicit = self.scene.t_end * bound / _EXPLICIT_STEP * _EXPLICIT_COST * n_b
+            pairs = _TIGHT[1:] if flows or explicit > _LONGEST * self.limit else _TIGHT[:2]
+        least, scale = min(self.rtols), _ON_CELLS if flows else 1.0
+        return [
+            Setting(n_b, name, scale * max(share * least, floor)) for name, share, floor in pairs
+        ]
 
     def _reference(self, setting: Setting, _before: Array | None) -> Outcome:
         return Outcome(status="finished", value=_as_lists(self.runs(setting).seen))
 
-    def _pair(self, n_b: int, seen: Mapping[Setting, Observed]) -> list[tuple[Setting, Observed]]:
-        return [(one, observed) for one, observed in seen.items() if one.n_bodies == n_b]
-
-    # --- runs ---
-
     def _climb(
-        self,
-        setting: Setting,
-        before: Array | None,
-        own: list[tuple[Setting, Observed]],
-        fine: Observed,
+        self, setting: Setting, before: Array | None, own: dict[str, Observed], fine: Observed
     ) -> Outcome:
         """Run a setting, unless the looser one before it, of so much CPU time, took too long."""
         if before is not None and before[0] > self.limit:
@@ -284,7 +281,11 @@ class _Job:
             ):
                 done = self.runs(setting)
                 times.append(done.cpu)
-            apart = [differences(done.seen, seen) for seen in _unrelated(setting.method, own)]
+            # References by another method; "auto" may have used either.
+            unrelated = [seen for method, seen in own.items() if method != setting.method]
+            if setting.method != "auto":
+                del unrelated[1:]
+            apart = [differences(done.seen, seen) for seen in unrelated]
             return {
                 "seconds": min(times),
                 "repeats": len(times),
@@ -297,47 +298,14 @@ class _Job:
         seconds = (outcome.value or _FAILED)["seconds"]
         return attrs.evolve(outcome, final=np.array([seconds]))
 
-    # --- all together ---
-
-    def _study(
-        self, rows: Sequence[Row], references: Mapping[int, list[tuple[Setting, Observed]]]
-    ) -> Study:
-        fine = [seen for _, seen in references[self.finest]]
-        space = {n: differences(references[n][0][1], fine[0]) for n in self.meshes}
-        floors = {n: differences(pair[1][1], pair[0][1]) for n, pair in sorted(references.items())}
-        fall = (self.finest / self.meshes[-1]) ** _ORDER - 1.0
-        left = {name: error / fall for name, error in space[self.meshes[-1]].items()}
-        order = [Setting(n, m, r) for n in self.meshes for m in self.methods for r in self.rtols]
-        place = {setting: k for k, setting in enumerate(order)}
-        nodes = self.scene.params._belt_facts["nodes"]
-        return Study(
-            rows=tuple(sorted(rows, key=lambda row: place[row.setting])),
-            space=space,
-            time_floor={n: floors[n] for n in self.meshes},
-            space_floor={name: max(floors[self.finest][name], left[name]) for name in QUANTITIES},
-            finest=self.finest,
-            references=tuple(
-                f"{n} {nodes}: "
-                + " and ".join(f"{one.method} at rtol {one.rtol:g}" for one, _ in p)
-                for n, p in sorted(references.items())
-            ),
-            mesh=self.scene.params.belt.mesh,
-            nodes=nodes,
-            n_bodies=self.scene.params.n_bodies,
-        )
-
-
-def _unrelated(method: str, pair: Sequence[tuple[Setting, Observed]]) -> list[Observed]:
-    """Return the references by another method; "auto" may have used either."""
-    return [seen for one, seen in pair if one.method != method][: 2 if method == "auto" else 1]
-
 
 def _as_lists(seen: Observed) -> dict[str, Any]:
-    values = attrs.asdict(seen, recurse=False)
-    return {
-        name: value.tolist() if isinstance(value, np.ndarray) else value
-        for name, value in values.items()
-    }
+    return attrs.asdict(
+        seen,
+        value_serializer=lambda _of, _field, value: (
+            value.tolist() if isinstance(value, np.ndarray) else value
+        ),
+    )
 
 
 def _from_lists(values: Mapping[str, Any]) -> Observed:

@@ -21,7 +21,7 @@ from ..base.checks import positive
 from ..plot import style
 from .study_rows import Errors, Row, quantity_of
 
-__all__ = ["balance", "cost_over_links", "errors_over_links", "price", "work_precision"]
+__all__ = ["price"]
 
 
 class Priced(Protocol):
@@ -46,24 +46,20 @@ _ABOVE: dict[str, Any] = {"xytext": (4, 8), "textcoords": "offset points", "ha":
 _ABOVE |= {"fontsize": "small", "color": "0.3"}
 
 
-def price(
-    study: Priced, quantity: str = "tension", *, error: float = 1e-2, fig: Figure | None = None
-) -> Figure:
+def price(study: Priced, quantity: str = "tension", *, error: float = 1e-2) -> Figure:
     """Draw a study: cost of errors and of meshes, and errors in space and time compared."""
-    figure = style.new_figure(11.0, 9.0, dpi=120) if fig is None else fig
+    quantity, error = quantity_of(quantity), positive("error", error)
+    figure = style.new_figure(11.0, 9.0, dpi=120)
     (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
-    work_precision(study, quantity, ax=top_left).set_title("Cost of an error, by method")
-    cost_over_links(study, ax=top_right).set_title("Cost of a finer mesh")
-    errors_over_links(study, quantity, error=error, ax=bottom_left).set_title(
-        "Errors in space and in time"
-    )
-    balance(study, quantity, error=error, ax=bottom_right).set_title("The cheapest runs")
+    _cost_of_errors(top_left, study, quantity)
+    _cost_of_meshes(top_right, study)
+    _errors_of_meshes(bottom_left, study, quantity, error)
+    _cheapest_runs(bottom_right, study, quantity, error)
     return figure
 
 
-def work_precision(study: Priced, quantity: str = "tension", ax: Axes | None = None) -> Axes:
+def _cost_of_errors(ax: Axes, study: Priced, quantity: str) -> None:
     """Draw CPU time against error, of each method the cheapest runs on any mesh."""
-    quantity, ax = quantity_of(quantity), style.axes(ax)
     for k, method in enumerate(_methods(study)):
         front = study.front(quantity, method)
         errors = [study.believed(row, quantity) for row in front]
@@ -71,36 +67,30 @@ def work_precision(study: Priced, quantity: str = "tension", ax: Axes | None = N
     floor = study.space_floor[quantity]
     low, high = _range([study.believed(row, quantity) for row in study.done()] + [floor])
     ax.axvspan(low, floor, color="0.92", zorder=0, label="below the floor")
-    ax.set(xscale="log", yscale="log", xlim=(low, high))
+    ax.set(xscale="log", yscale="log", xlim=(low, high), title="Cost of an error, by method")
     ax.invert_xaxis()
     style.dress(ax, f"error of {_words(quantity)} [1]", _COST)
     style.legend(ax)
-    return ax
 
 
-def cost_over_links(study: Priced, ax: Axes | None = None) -> Axes:
+def _cost_of_meshes(ax: Axes, study: Priced) -> None:
     """Draw CPU time against the number of links, by method at a loose and a tight tolerance."""
-    ax = style.axes(ax)
     for k, method in enumerate(_methods(study)):
         rows = [row for row in study.done() if row.setting.method == method]
         for rtol, hollow in zip(_two(rows), (True, False), strict=False):
             some = [row for row in rows if row.setting.rtol == rtol]
             look = _look(k) | ({"markerfacecolor": "white"} if hollow else {})
             ax.plot(_meshes(some), _costs(some), label=f"{method} {_power(rtol)}", **look)
-    _links(ax, study)
+    _links(ax, study, "Cost of a finer mesh")
     style.dress(ax, f"number of {study.nodes}", _COST)
     style.legend_below(ax, ax.get_lines())
-    return ax
 
 
-def errors_over_links(
-    study: Priced, quantity: str = "tension", *, error: float = 1e-2, ax: Axes | None = None
-) -> Axes:
+def _errors_of_meshes(ax: Axes, study: Priced, quantity: str, error: float) -> None:
     """Draw the error in space, and in time of the cheapest method, against the number of links.
 
     The star marks the cheapest run for the error asked for, at which both are small enough.
     """
-    quantity, ax, error = quantity_of(quantity), style.axes(ax), positive("error", error)
     bold = _look(0) | {"linewidth": 2.2, "color": "black", "linestyle": "-"}
     errors = [found[quantity] for found in study.space.values()]
     ax.plot(list(study.space), errors, label="in space", **bold)
@@ -112,22 +102,18 @@ def errors_over_links(
         some = [row for row in rows if row.setting.rtol == rtol]
         errors = [row.time[quantity] for row in some]
         ax.plot(_meshes(some), errors, label=f"in time, {method} {_power(rtol)}", **_look(k))
-    _links(ax, study)
+    _links(ax, study, "Errors in space and in time")
     _mark(ax, study, quantity, error, best, best.setting.n_bodies if best else 0)
     style.dress(ax, f"number of {study.nodes}", f"error of {_words(quantity)} [1]")
     marked = [line for line in ax.get_lines() if str(line.get_marker()) in tuple(_MARKERS)]
     style.legend_below(ax, marked)
-    return ax
 
 
-def balance(
-    study: Priced, quantity: str = "tension", *, error: float = 1e-2, ax: Axes | None = None
-) -> Axes:
+def _cheapest_runs(ax: Axes, study: Priced, quantity: str, error: float) -> None:
     """Draw the errors in space and in time of the cheapest runs against their CPU time.
 
     The numbers are those of the links; the star marks the cheapest run for the error asked for.
     """
-    quantity, ax, error = quantity_of(quantity), style.axes(ax), positive("error", error)
     front = study.front(quantity)
     cost = _costs(front)
     parts = (
@@ -140,14 +126,13 @@ def balance(
         ax.plot(cost, errors, label=name, **_look(k) | wide)  # the others lie on it in parts
     best = study.cheapest(error, quantity)
     _mark(ax, study, quantity, error, best, best.seconds if best else 0.0)
-    ax.set(xscale="log", yscale="log")
+    ax.set(xscale="log", yscale="log", title="The cheapest runs")
     ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     ax.xaxis.set_major_formatter(FormatStrFormatter("%g"))
     ax.xaxis.set_minor_formatter(NullFormatter())
     style.dress(ax, _COST, f"error of {_words(quantity)} [1]")
     _number(ax, front, parts[0][1])
     style.legend(ax)
-    return ax
 
 
 def _number(ax: Axes, rows: Sequence[Row], heights: Sequence[float]) -> None:
@@ -183,8 +168,8 @@ def _meshes(rows: Sequence[Row]) -> list[int]:
     return [row.setting.n_bodies for row in rows]
 
 
-def _links(ax: Axes, study: Priced) -> None:
-    ax.set(xscale="log", yscale="log")
+def _links(ax: Axes, study: Priced, title: str) -> None:
+    ax.set(xscale="log", yscale="log", title=title)
     ax.xaxis.set_major_locator(FixedLocator(list(study.space)))
     ax.xaxis.set_major_formatter(ScalarFormatter())
     ax.xaxis.set_minor_locator(NullLocator())

@@ -168,14 +168,8 @@ def chosen(pilot: Pilot, scene: Scene, asked: float, quantity: str) -> Suggestio
     """Return the suggestion that follows from a pilot."""
     pilot.explore(asked)
     found = pilot.cheapest(asked)
-    best = found or pilot.best()
-    assert best is not None  # the tight run at least is known
-    return _suggestion(best, found is not None, pilot, scene, asked, quantity)
-
-
-def _suggestion(
-    one: Forecast, met: bool, pilot: Pilot, scene: Scene, asked: float, quantity: str
-) -> Suggestion:
+    one = found or pilot.best()
+    assert one is not None  # the tight run at least is known
     return Suggestion(
         scene=scene._replace(params=with_links(scene.params, one.setting.n_bodies)),
         method=one.setting.method,
@@ -187,7 +181,7 @@ def _suggestion(
         error_space=one.space,
         error_time=one.time,
         error_contact=compliance_error(scene.params)[quantity],
-        met=met,
+        met=found is not None,
         pilot_seconds=pilot.spent,
         pilot_runs=pilot.runs,
         ale=_flowing(one, pilot, scene),

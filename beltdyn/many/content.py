@@ -122,7 +122,7 @@ class Contents:
 
 @contextmanager
 def known(else_: str = "") -> Iterator[None]:
-    """Say of runs whose content cannot be known that a store needs it."""
+    """Raise an error of runs whose content cannot be known as one of the store."""
     try:
         yield
     except NoKeyError as error:

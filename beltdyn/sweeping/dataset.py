@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-import attrs
 import numpy as np
 
 from ..base.checks import Array
@@ -15,32 +14,11 @@ from ..many.outcome import STATUSES, Outcome
 from .outcomes import Axis, Layout, Quantity, in_text
 from .points import RUN, Points
 
-__all__ = ["Table", "variables"]
+__all__ = ["Table"]
 
 
-def variables(layout: Layout, numbers: Array, words: Sequence[Sequence[str]]) -> list[Any]:
-    """Take rows apart: the values (n, ...) of each quantity."""
-    found: list[Any] = []
-    at = at_words = 0
-    texts = np.array([list(row) for row in words], dtype=object).reshape(len(numbers), layout.words)
-    for one in layout.quantities:
-        if one.words:
-            values: Any = texts[:, at_words : at_words + one.size]
-            at_words += one.size
-        else:
-            values = numbers[:, at : at + one.size]
-            at += one.size
-        found.append(values.reshape(len(numbers), *one.shape))
-    return found
-
-
-@attrs.define(eq=False)
-class _Rows:
-    """Rows of the same layout."""
-
-    runs: list[int] = attrs.field(factory=list)
-    numbers: list[Array] = attrs.field(factory=list)
-    words: list[tuple[str, ...]] = attrs.field(factory=list)
+#: A run, its numbers and its texts; its layout is kept once for many.
+_Row = tuple[int, Array, tuple[str, ...]]
 
 
 class Table:
@@ -53,7 +31,7 @@ class Table:
         self._message = [STATUSES["missing"]] * n
         self._warnings = [""] * n
         self._kernels: set[str] = set()
-        self._rows: dict[Layout, _Rows] = {}
+        self._rows: dict[Layout, list[_Row]] = {}
         self.counted = Counter(missing=n)  #: Runs by status.
 
     def add(self, run: int, outcome: Outcome) -> None:
@@ -65,21 +43,21 @@ class Table:
         if outcome.kernels:
             self._kernels.add(outcome.kernels)
         if outcome.status == "finished":
-            rows = self._rows.setdefault(outcome.value.layout, _Rows())
-            rows.runs.append(run)
-            rows.numbers.append(outcome.value.numbers)
-            rows.words.append(outcome.value.words)
+            layout, *row = outcome.value
+            self._rows.setdefault(layout, []).append((run, *row))
 
     def dataset(self, attributes: dict[str, str]) -> Any:
         """Return the table; it does not depend on the order in which runs were done."""
         xarray = optional_module("xarray", "beltdyn.sweep", "sweep")
         joined = _Joined([*self._points.names, *self._points.dims])
-        kept: list[tuple[Layout, _Rows]] = []
+        kept: list[tuple[Layout, list[_Row]]] = []
         status, message = list(self._status), list(self._message)
-        for layout, rows in sorted(self._rows.items(), key=lambda item: min(item[1].runs)):
+        for layout, rows in sorted(
+            self._rows.items(), key=lambda item: min(run for run, *_ in item[1])
+        ):
             misfit = joined.join(layout)
             if misfit:
-                for run in rows.runs:
+                for run, *_ in rows:
                     status[run], message[run] = "measure", misfit
             else:
                 kept.append((layout, rows))
@@ -124,13 +102,21 @@ def _described(units: str, text: str) -> dict[str, str]:
 
 def _column(values: Sequence[Any]) -> Any:
     """Return swept values as an array of numbers or, if they are something else, of texts."""
-    if all(isinstance(one, bool) for one in values):
-        return np.array(values)
-    if all(isinstance(one, int) and not isinstance(one, bool) for one in values):
-        return np.array(values, dtype=np.int64)
-    if all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in values):
-        return np.array(values, dtype=np.float64)
+    kinds = {type(one) for one in values}
+    for dtype, of in ((np.bool_, {bool}), (np.int64, {int}), (np.float64, {int, float})):
+        if kinds <= of:
+            return np.array(values, dtype=dtype)
     return np.array([one if isinstance(one, str) else in_text(one) for one in values], dtype=str)
+
+
+def _apart(layout: Layout, numbers: Array, words: Sequence[Any]) -> Iterator[tuple[Quantity, Any]]:
+    """Take rows apart: yield each quantity and its values (n, ...)."""
+    texts = np.array([list(row) for row in words], dtype=object).reshape(len(numbers), layout.words)
+    at = {False: 0, True: 0}
+    for one in layout.quantities:
+        begin, at[one.words] = at[one.words], at[one.words] + one.size
+        values = (texts if one.words else numbers)[:, begin : at[one.words]]
+        yield one, values.reshape(len(numbers), *one.shape)
 
 
 class _Joined:
@@ -176,7 +162,7 @@ class _Joined:
         self.axes, self.quantities = axes, quantities
         return ""
 
-    def filled(self, rows: Sequence[tuple[Layout, _Rows]], n: int) -> dict[str, Any]:
+    def filled(self, rows: Sequence[tuple[Layout, list[_Row]]], n: int) -> dict[str, Any]:
         """Return the values (n, ...) of each quantity, NaN or "" where there are none."""
         found: dict[str, Any] = {}
         for name, one in self.quantities.items():
@@ -185,9 +171,9 @@ class _Joined:
             shape = (n, *(axis.size for axis in axes))
             found[name] = np.full(shape, "", dtype=object) if one.words else np.full(shape, np.nan)
         for layout, of in rows:
-            parts = variables(layout, np.array(of.numbers), of.words)
-            for one, values in zip(layout.quantities, parts, strict=True):
-                places = [np.array(of.runs)]
+            runs, numbers, words = zip(*of, strict=True)
+            for one, values in _apart(layout, np.array(numbers), words):
+                places = [np.array(runs)]
                 for axis in one.axes:
                     joined = self.axes[axis.name]
                     where = {label: k for k, label in enumerate(joined.labels)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import attrs
@@ -11,7 +10,7 @@ import numpy as np
 from ..base.checks import Array
 from ..base.optional import optional_module
 
-__all__ = ["Design", "Indices", "by_groups", "by_runs"]
+__all__ = ["Design", "Indices", "estimated"]
 
 #: Groups of runs below which the spread of resampled groups says little of the indices' errors.
 _LEAST_GROUPS = 16
@@ -26,19 +25,12 @@ TOO_FEW, CONSTANT = "few", "constant"
 
 
 class Design(NamedTuple):
-    """Data of the design of a sweep for its analysis.
+    """Data of the design of a sweep for its analysis."""
 
-    Attributes:
-        names: Names of the parameters (k,).
-        groups: Number of groups of runs, or of runs.
-        size: Runs of a group: k + 2 or 2 k + 2, of samples without groups 1.
-        second_order: Whether groups serve second indices.
-    """
-
-    names: list[str]
-    groups: int
-    size: int
-    second_order: bool
+    names: list[str]  # of the parameters (k,)
+    groups: int  # of runs, or runs
+    size: int  # runs of a group: k + 2 or 2 k + 2, of samples without groups 1
+    second_order: bool  # whether groups serve second indices
 
     @property
     def runs(self) -> int:
@@ -58,68 +50,37 @@ class Design(NamedTuple):
 
 @attrs.frozen(eq=False)
 class Indices:
-    """Of one quantity.
+    """Of one quantity."""
 
-    Attributes:
-        arrays: "first", "first_conf", ...: (k,); "second", "second_conf": (k, k).
-        used: Groups, or runs, with a value throughout.
-        reason: Why there are none: "few" of these, "constant" values, or "".
-    """
-
-    arrays: dict[str, Array]
-    used: int
-    reason: str = ""
+    arrays: dict[str, Array]  # "first", "first_conf", ...: (k,); "second", "second_conf": (k, k)
+    used: int  # groups, or runs, with a value throughout
+    reason: str  # why there are none: TOO_FEW of these, CONSTANT values, or ""
 
 
-def by_groups(design: Design, options: dict[str, Any]) -> Callable[[Array], Indices]:
-    """Return the function that analyses the values of Saltelli's groups (groups, size)."""
-    sobol = optional_module("SALib.analyze.sobol", "sensitivity", "sensitivity")
-    keys = {"first": "S1", "total": "ST"} | ({"second": "S2"} if design.second_order else {})
+def estimated(design: Design, values: Array, inputs: Array, options: dict[str, Any]) -> Indices:
+    """Return the indices of values (groups, size) for parameters (groups, k) of single runs."""
+    of_groups, k = design.size > 1, len(design.names)
+    name = "sobol" if of_groups else "rbd_fast"
+    estimator = optional_module(f"SALib.analyze.{name}", "sensitivity", "sensitivity")
+    keys = {"first": "S1"} | ({"total": "ST"} if of_groups else {})
+    keys |= {"second": "S2"} if design.second_order else {}
     keys |= {f"{name}_conf": f"{key}_conf" for name, key in keys.items()}
-
-    def analysed(values: Array) -> Indices:
-        kept = values[np.isfinite(values).all(axis=1)]
-        # The variance is that of the first and the last of each group, the two independent runs.
-        reason = _reason(kept[:, [0, -1]], design)
-        if reason:
-            return Indices(_nothing(design, keys), len(kept), reason)
-        found = sobol.analyze(
-            _problem(design), kept.ravel(), calc_second_order=design.second_order, **options
-        )
-        return Indices({name: np.asarray(found[key]) for name, key in keys.items()}, len(kept))
-
-    return analysed
-
-
-def by_runs(design: Design, inputs: Array, options: dict[str, Any]) -> Callable[[Array], Indices]:
-    """Return the function that analyses values (runs, 1) for parameters ``inputs`` (runs, k)."""
-    rbd_fast = optional_module("SALib.analyze.rbd_fast", "sensitivity", "sensitivity")
-    keys = {"first": "S1", "first_conf": "S1_conf"}
-
-    def analysed(values: Array) -> Indices:
-        good = np.isfinite(values[:, 0])
-        kept = values[good, 0]
-        reason = _reason(kept, design)
-        if reason:
-            return Indices(_nothing(design, keys), len(kept), reason)
-        found = rbd_fast.analyze(_problem(design), inputs[good], kept, M=_HARMONICS, **options)
-        return Indices({name: np.asarray(found[key]) for name, key in keys.items()}, len(kept))
-
-    return analysed
-
-
-def _reason(values: Array, design: Design) -> str:
-    if len(values) < design.least:
-        return TOO_FEW
-    constant = np.ptp(values) <= _CONSTANT * np.abs(values).max()
-    return CONSTANT if constant else ""
-
-
-def _problem(design: Design) -> dict[str, Any]:
-    k = len(design.names)
-    return {"num_vars": k, "names": design.names, "bounds": [[0.0, 1.0]] * k}
-
-
-def _nothing(design: Design, names: dict[str, str]) -> dict[str, Array]:
-    k = len(design.names)
-    return {name: np.full((k, k) if "second" in name else k, np.nan) for name in names}
+    good = np.isfinite(values).all(axis=1)
+    kept = values[good]
+    # The variance is that of the first and the last of each group, the two independent runs.
+    independent = kept[:, [0, -1]]
+    reason = ""
+    if len(kept) < design.least:
+        reason = TOO_FEW
+    elif np.ptp(independent) <= _CONSTANT * np.abs(independent).max():
+        reason = CONSTANT
+    if reason:
+        nothing = {name: np.full((k, k) if "second" in name else k, np.nan) for name in keys}
+        return Indices(nothing, len(kept), reason)
+    problem = {"num_vars": k, "names": design.names, "bounds": [[0.0, 1.0]] * k}
+    if of_groups:
+        order = {"calc_second_order": design.second_order}
+        found = estimator.analyze(problem, kept.ravel(), **order, **options)
+    else:
+        found = estimator.analyze(problem, inputs[good], kept[:, 0], M=_HARMONICS, **options)
+    return Indices({name: np.asarray(found[key]) for name, key in keys.items()}, len(kept), "")

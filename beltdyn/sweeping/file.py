@@ -24,7 +24,7 @@ In the place of [over], samples of parameters that scatter::
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -54,19 +54,12 @@ _DISTRIBUTIONS = {
 
 @attrs.frozen(kw_only=True)
 class SweepFile:
-    """A sweep from a file.
-
-    Attributes:
-        scene: The scene.
-        over: What is changed, as :func:`beltdyn.sweep` takes it.
-        measure: Measured quantities.
-        arguments: Others of :func:`beltdyn.sweep`.
-    """
+    """A sweep from a file: arguments of :func:`beltdyn.sweep`."""
 
     scene: Scene
     over: Any
     measure: Any
-    arguments: dict[str, Any]
+    arguments: dict[str, Any]  # the others
 
 
 def read(path: str | os.PathLike[str]) -> SweepFile:
@@ -77,18 +70,14 @@ def read(path: str | os.PathLike[str]) -> SweepFile:
 
 
 def _built(document: dict[str, Any], folder: Path) -> SweepFile:
-    for field in document:
-        if field not in _FIELDS:
-            raise ValueError(f"{field}: {unknown_field(field, _FIELDS)}")
-    if "scene" not in document:
-        raise ValueError("scene: missing")
+    _fields("", document, _FIELDS, 1)
     if ("over" in document) == ("sample" in document):
         raise ValueError("either over or sample must be given")
     scene = _scene(document["scene"], folder)
     if "over" in document:
         over = {name: _values(name, one) for name, one in _table("over", document["over"]).items()}
     else:
-        over = _samples(_table("sample", document["sample"]))
+        over = _samples(document["sample"])
     measure = document.get("measure")
     if measure is not None and not isinstance(measure, (str, list, dict)):
         raise ValueError(f"measure: must be names or a table of names, got {shown(measure)}")
@@ -106,6 +95,18 @@ def _table(name: str, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise ValueError(f"{name}: must be a table, got {shown(value)}")
     return value
+
+
+def _fields(path: str, value: object, known: Sequence[str], needed: int) -> dict[str, Any]:
+    """Check a table of known fields, of which the first ones are needed."""
+    table, before = _table(path, value), f"{path}." if path else ""
+    for field in table:
+        if field not in known:
+            raise ValueError(f"{before}{field}: {unknown_field(field, known)}")
+    for field in known[:needed]:
+        if field not in table:
+            raise ValueError(f"{before}{field}: missing")
+    return table
 
 
 def _scene(value: object, folder: Path) -> Scene:
@@ -128,17 +129,12 @@ def _values(name: str, value: Any) -> Any:
             f"over.{name}: must be a list of values, or a range {{ from = , to = , count = }}, "
             f"got {shown(value)}"
         )
-    fields = value
     known = ("from", "to", "count", "spacing")
-    for field in fields:
-        if field not in known:
-            if isinstance(fields[field], (list, dict)):
-                raise ValueError(f'over.{name}.{field}: names stand in quotes: "{name}.{field}" = ')
-            raise ValueError(f"over.{name}.{field}: {unknown_field(field, known)}")
-    for field in known[:3]:
-        if field not in fields:
-            raise ValueError(f"over.{name}.{field}: missing")
-    low, high = (real(f"over.{name}.{field}", fields[field]) for field in known[:2])
+    for field, one in value.items():
+        if field not in known and isinstance(one, (list, dict)):
+            raise ValueError(f'over.{name}.{field}: names stand in quotes: "{name}.{field}" = ')
+    fields = _fields(f"over.{name}", value, known, 3)
+    low, high = (real(f"over.{name}.{field}", fields[field]) for field in ("from", "to"))
     count = integer(f"over.{name}.count", fields["count"], 1)
     spacing = one_of(f"over.{name}.spacing", fields.get("spacing", "even"), ("even", "geometric"))
     if spacing == "geometric":
@@ -161,14 +157,9 @@ def _value(path: str, name: str, value: Any) -> Any:
     return value
 
 
-def _samples(fields: dict[str, Any]) -> Any:
+def _samples(value: object) -> Any:
     known = ("ranges", "n", "method", "seed", "second_order")
-    for field in fields:
-        if field not in known:
-            raise ValueError(f"sample.{field}: {unknown_field(field, known)}")
-    for field in known[:2]:
-        if field not in fields:
-            raise ValueError(f"sample.{field}: missing")
+    fields = _fields("sample", value, known, 2)
     ranges = {
         name: _distribution(f"sample.ranges.{name}", value)
         for name, value in _table("sample.ranges", fields["ranges"]).items()

@@ -57,40 +57,30 @@ _OF_MARGINS = (*_MARGINS, "sticking_margin", "own_slip_torque", "first_to_slip")
 Found = tuple[Quantity, Any]
 
 
-@attrs.frozen(kw_only=True)
+@attrs.frozen
 class Measure:
-    """What to measure.
+    """What to measure."""
 
-    Attributes:
-        named: Names of quantities, each with what it is called in the result.
-        function: The user's, instead; or None.
-        functions: The user's by name, beside them.
-        last: The part of a run that reports, means and extremes are of.
-        outputs: What runs have to compute and keep; None: everything.
-        in_python: Whether measuring takes Python long enough to keep other threads waiting.
-    """
-
-    named: tuple[tuple[str, str], ...] = ()
-    function: Callable[[Result], Any] | None = None
-    functions: tuple[tuple[str, Callable[[Result], Any]], ...] = ()
-    last: float = 0.2
-    outputs: tuple[str, ...] | None = None
-    in_python: bool = False
+    named: tuple[tuple[str, str], ...]  # quantities: what each is called in the result, its name
+    #: The user's functions, beside them; None: what it is called follows from what it returns.
+    functions: tuple[tuple[str | None, Callable[[Result], Any]], ...]
+    last: float  # the part of a run that reports, means and extremes are of
+    outputs: tuple[str, ...] | None  # what runs have to compute and keep; None: everything
 
     @property
     def names(self) -> set[str]:
         """Names of the quantities, as far as they are known before a run."""
-        return {called for called, _ in (*self.named, *self.functions)}
+        return {called for called, _ in (*self.named, *self.functions) if called is not None}
+
+    @property
+    def in_python(self) -> bool:
+        """Whether measuring takes Python long enough to keep other threads waiting."""
+        return any(_is_of_report(name) for _, name in self.named)
 
     def of(self, result: Result) -> Measured:
-        """Measure a run: a row and its layout.
-
-        Raises:
-            Exception: What the user's function raises; ValueError for what cannot be measured.
-        """
+        """Measure a run; raise what the user's function does, ValueError where this cannot be."""
         found: list[Found] = []
-        wanted = [name for _, name in self.named if _is_of_report(name)]
-        report = _Report(result, self.last, wanted) if wanted else None
+        report = _Report(result, self) if self.in_python else None
         for called, name in self.named:
             if report is not None and _is_of_report(name):
                 whole = _split_report(name)[2] == ""
@@ -102,16 +92,13 @@ class Measure:
             else:
                 quantity, value = _of_result(result, name, self.last)
                 found.append((quantity._replace(name=called), value))
-        for called, function in self.functions:
-            found += _given(called, function(result))
-        if self.function is not None:
-            value = self.function(result)
-            if value is None:
-                raise TypeError(f"{_called(self.function)} returned None: is a return missing?")
-            if not isinstance(value, Mapping):
-                value = {_called(self.function): value}
-            for called, one in value.items():
-                found += _given(str(called), one)
+        for of_function, function in self.functions:
+            value = function(result)
+            if of_function is None and value is None:
+                raise TypeError(f"{_called(function)} returned None: is a return missing?")
+            if of_function is None and not isinstance(value, Mapping):
+                of_function = _called(function)
+            found += _given(of_function, value)
         return packed(found)
 
 
@@ -125,7 +112,7 @@ def as_measure(measure: object, params: Params, last: object) -> Measure:
     if measure is None:
         measure = DEFAULT
     if callable(measure):
-        return Measure(function=measure, last=share)
+        return Measure((), ((None, measure),), share, None)
     if isinstance(measure, str):
         measure = (measure,)
     if isinstance(measure, Mapping):
@@ -138,7 +125,7 @@ def as_measure(measure: object, params: Params, last: object) -> Measure:
             f"got {type(measure).__name__}"
         )
     named: list[tuple[str, str]] = []
-    functions: list[tuple[str, Callable[[Result], Any]]] = []
+    functions: list[tuple[str | None, Callable[[Result], Any]]] = []
     for called, what in items:
         if not isinstance(called, str):
             raise TypeError(f"measure: quantities are called by texts, got {called!r}")
@@ -153,13 +140,7 @@ def as_measure(measure: object, params: Params, last: object) -> Measure:
         raise ValueError("measure must hold at least one quantity")
     names = [name for _, name in named]
     outputs = None if functions or any(map(_is_of_report, names)) else _outputs(names)
-    return Measure(
-        named=tuple(named),
-        functions=tuple(functions),
-        last=share,
-        outputs=outputs,
-        in_python=any(map(_is_of_report, names)),
-    )
+    return Measure(tuple(named), tuple(functions), share, outputs)
 
 
 # --- Reports --------------------------------------------------------------------------------------
@@ -193,17 +174,15 @@ def _split_report(name: str) -> tuple[str, str | None, str]:
 class _Report:
     """The numbers of a report by part and quantity."""
 
-    def __init__(self, result: Result, last: float, wanted: Sequence[str]) -> None:
-        quantities = [_split_report(name)[2].split(" ")[0] for name in wanted]
-        margins = any(one == "" or one in _OF_MARGINS for one in quantities)
+    def __init__(self, result: Result, measure: Measure) -> None:
+        wanted = [_split_report(name)[2] for _, name in measure.named if _is_of_report(name)]
+        margins = any(one == "" or one.split(" ")[0] in _OF_MARGINS for one in wanted)
         self._params = result.params
-        report = make_report(result, last, margins=margins)
         self._numbers = [
             one
-            for one in flat.numbers(report)
+            for one in flat.numbers(make_report(result, measure.last, margins=margins))
             if one.part in _PARTS or (one.part == "report" and one.name == "")
         ]
-        self._margins = margins
 
     def find(self, name: str) -> list[Found]:
         part, row, quantity = _split_report(name)
@@ -253,6 +232,7 @@ class _Report:
 # --- Histories ------------------------------------------------------------------------------------
 
 
+_STATS = [one.name for one in attrs.fields(Stats)]
 #: Histories by name.
 _HISTORIES = {
     **QUANTITIES,
@@ -262,15 +242,13 @@ _HISTORIES = {
 
 def _split(name: str) -> tuple[str, str | None]:
     """Split a name into that of a history and of its reduction, as "mean"."""
-    known = _HISTORIES
-    if name in known:
+    if name in _HISTORIES:
         return name, None
     history, _, how = name.rpartition(".")
-    if history in known and how in _REDUCED:
+    if history in _HISTORIES and how in _REDUCED:
         return history, how
-    stats = [f"stats.{one.name}" for one in attrs.fields(Stats)]
-    reduced = [f"{one}.{how}" for one in known for how in _REDUCED]
-    near = close_to(name, [*known, *reduced, *stats])
+    reduced = [f"{one}.{how}" for one in _HISTORIES for how in _REDUCED]
+    near = close_to(name, [*_HISTORIES, *reduced, *(f"stats.{one}" for one in _STATS)])
     raise ValueError(
         f"measure: nothing is called {name!r}{near}; there are report.<part>.<quantity>, histories "
         f'such as "span_tension", alone or with .{", .".join(_REDUCED)}, and stats.<counter>'
@@ -281,13 +259,11 @@ def _check(name: str, params: Params) -> None:
     if _is_of_report(name):
         _check_of_report(name, params)
     elif name.startswith("stats."):
-        known = [one.name for one in attrs.fields(Stats)]
         field = name.removeprefix("stats.")
-        if field not in known:
-            raise ValueError(f"measure: there is no {name!r}{close_to(field, known)}")
+        if field not in _STATS:
+            raise ValueError(f"measure: there is no {name!r}{close_to(field, _STATS)}")
     else:
-        history, _ = _split(name)
-        group = history.partition(".")[0]
+        group = _split(name)[0].partition(".")[0]
         if group in absent_groups(params):
             raise ValueError(f"measure: {name}: this drive has no {group}")
 
@@ -362,21 +338,18 @@ def _reduced(window: Window, values: Array, how: str) -> Any:
         return window.mean(inside)
     if how == "rms":
         return np.sqrt(window.mean(inside**2))
-    missing = np.isnan(inside).all(axis=0)
-    if how == "least":
-        found = np.min(np.where(np.isnan(inside), np.inf, inside), axis=0)
-    else:
-        found = np.max(np.where(np.isnan(inside), -np.inf, inside), axis=0)
-    return np.where(missing, np.nan, found)
+    return (np.fmin if how == "least" else np.fmax).reduce(inside, axis=0)  # but NaN
 
 
 # --- The user's -----------------------------------------------------------------------------------
 
 
-def _given(name: str, value: Any) -> list[Found]:
+def _given(name: str | None, value: Any) -> list[Found]:
     """Take the value of a function: a number, a text, an array, a labelled array, or several."""
     if isinstance(value, Mapping):
-        return [one for key, inner in value.items() for one in _given(f"{name}.{key}", inner)]
+        before = "" if name is None else f"{name}."
+        return [one for key, inner in value.items() for one in _given(f"{before}{key}", inner)]
+    assert name is not None
     if value is None:
         return [(Quantity(name, (), "", name), np.nan)]
     if isinstance(value, str):

@@ -29,21 +29,13 @@ __all__ = [
 
 
 class Axis(NamedTuple):
-    """An axis of a quantity, besides those of the sweep.
+    """An axis of a quantity, besides those of the sweep."""
 
-    Attributes:
-        name: Such as "pulley" or "time".
-        labels: Names or numbers along it; empty: they are only counted.
-        size: How many.
-        units: Unit of numbers.
-        text: What it is.
-    """
-
-    name: str
-    labels: tuple[str, ...] | tuple[float, ...]
+    name: str  # such as "pulley" or "time"
+    labels: tuple[str, ...] | tuple[float, ...]  # along it; empty: they are only counted
     size: int
-    units: str = ""
-    text: str = ""
+    units: str = ""  # of numbers
+    text: str = ""  # what it is
 
     @property
     def named(self) -> bool:
@@ -92,15 +84,9 @@ NOTHING = Layout(())
 
 
 class Measured(NamedTuple):
-    """What is measured in a run.
+    """What is measured in a run."""
 
-    Attributes:
-        layout: What the numbers and texts are.
-        numbers: Its numbers.
-        words: Its texts.
-    """
-
-    layout: Layout = NOTHING
+    layout: Layout = NOTHING  # of the numbers and texts
     numbers: Array = np.zeros(0)
     words: tuple[str, ...] = ()
 
@@ -140,10 +126,7 @@ _TEXTS = ("status", "message", "warnings", "kernels")
 
 
 def in_text(value: Any) -> str:
-    """Return a value as text: short, and without addresses, which differ between processes.
-
-    Of a law or another object with fields, those that are not at their defaults.
-    """
+    """Return a value as short text: of fields those not at defaults, no address of a process."""
     kind: Any = type(value)
     if attrs.has(kind) and kind.__module__.startswith("beltdyn."):
         given = [

@@ -13,7 +13,7 @@ import numpy as np
 from ..base.checks import Array, close_to, integer, real, shown
 from ..base.optional import optional_module
 from ..base.tables import columns
-from .estimators import CONSTANT, Design, Indices, by_groups, by_runs
+from .estimators import CONSTANT, Design, Indices, estimated
 from .sampling import METHODS
 
 __all__ = ["Sensitivity", "sensitivity"]
@@ -184,14 +184,8 @@ def sensitivity(
     values = _by_run(dataset, array.transpose("run", *own), design)
     shape = values.shape[1:]
     flat = values.reshape(design.groups, design.size, math.prod(shape))
-    if design.size > 1:
-        analysed = by_groups(design, options)
-        method = f"Saltelli's estimators, {design.groups} groups of {design.size} runs"
-    else:
-        inputs = [_by_run(dataset, dataset[name], design) for name in design.names]
-        analysed = by_runs(design, np.stack(inputs, axis=1), options)
-        method = f"RBD-FAST, {design.groups} runs"
-    found = [analysed(flat[:, :, entry]) for entry in range(flat.shape[2])]
+    inputs = np.stack([_by_run(dataset, dataset[name], design) for name in design.names], axis=1)
+    found = [estimated(design, flat[:, :, k], inputs, options) for k in range(flat.shape[2])]
     _check_enough(dataset, found, design, str(array.name))
     coords = {dim: array.coords[dim] for dim in own if dim in array.coords}
     labels = {"parameter": design.names, "other": design.names}
@@ -214,7 +208,9 @@ def sensitivity(
         first_conf=indices.pop("first_conf"),
         confidence=confidence,
         used=xarray.DataArray(used, dims=own, coords=coords, attrs={"long_name": design.unit}),
-        method=method,
+        method=f"Saltelli's estimators, {design.groups} groups of {design.size} runs"
+        if design.size > 1
+        else f"RBD-FAST, {design.groups} runs",
         notes=_notes(dataset, found, design),
         more=indices,
     )

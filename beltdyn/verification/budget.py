@@ -40,38 +40,22 @@ _SAMPLES = 101
 
 
 class _TooLong(Exception):
-    """A pilot run takes too much of the budget; ``t`` is the time reached [s]."""
-
-    def __init__(self, t: float) -> None:
-        super().__init__(t)
-        self.t = t
+    """A pilot run takes too much of the budget; its argument is the time reached [s]."""
 
 
 @attrs.frozen(kw_only=True)
 class Plan:
-    """The setting chosen for a budget.
+    """The setting chosen for a budget."""
 
-    Attributes:
-        params: The drive, on the mesh chosen.
-        initial: State to start from.
-        method: Integration method.
-        rtol: Its tolerance.
-        budget: The CPU time to keep to [s].
-        spent: What the pilot took of it [s].
-        forecast: What to expect.
-        fixed: Whether the mesh was not to be changed.
-        limited: Whether a better setting is known that takes longer.
-    """
-
-    params: Params
+    params: Params  # on the mesh chosen
     initial: State
     method: str
     rtol: float
-    budget: float
-    spent: float
+    budget: float  # CPU time to keep to [s]
+    spent: float  # of it, by the pilot [s]
     forecast: Forecast
-    fixed: bool
-    limited: bool
+    fixed: bool  # whether the mesh was not to be changed
+    limited: bool  # whether a better setting is known that takes longer
 
     @property
     def expected(self) -> Expected:
@@ -93,32 +77,22 @@ class Plan:
         )
 
     def judge(self, result: Result, taken: float) -> tuple[Result, tuple[RunWarning, ...]]:
-        """Describe in a result what was chosen, and warn if the budget was exceeded.
-
-        Args:
-            result: The run.
-            taken: CPU time of all together, pilot and settling included [s].
-        """
+        """Describe in a result what was chosen; warn if all took more CPU time than the budget."""
         found: tuple[RunWarning, ...] = ()
         if taken > self.budget:
-            found = (
-                RunWarning(
-                    code="budget",
-                    text=f"pilot, settling and run took {taken:.3g} s of CPU time, more than the "
-                    f"budget of {self.budget:.3g} s; the run alone was expected to take "
-                    f"{self.forecast.seconds:.3g} s",
-                ),
+            text = (
+                f"pilot, settling and run took {taken:.3g} s of CPU time, more than the "
+                f"budget of {self.budget:.3g} s; the run alone was expected to take "
+                f"{self.forecast.seconds:.3g} s"
             )
-        stats = attrs.evolve(result.stats, choice=f"{result.stats.choice}; {self}")
-        return (
-            attrs.evolve(
-                result,
-                stats=stats,
-                message=f"{result.message}; {self}",
-                warnings=(*result.warnings, *found),
-            ),
-            found,
+            found = (RunWarning(code="budget", text=text),)
+        judged = attrs.evolve(
+            result,
+            stats=attrs.evolve(result.stats, choice=f"{result.stats.choice}; {self}"),
+            message=f"{result.message}; {self}",
+            warnings=(*result.warnings, *found),
         )
+        return judged, found
 
 
 def plan(
@@ -181,7 +155,7 @@ def plan(
     except _TooLong as ended:
         if not pilot.time_errors:
             spent = clock() - begun
-            share = max((ended.t - start) / (scene.t_end - start), 1e-6)
+            share = max((ended.args[0] - start) / (scene.t_end - start), 1e-6)
             raise _too_small(budget, max(spent / share / _PATIENCE, 2.0 * budget)) from None
         best = pilot.best(fits)
     if best is None:  # what fits without a margin

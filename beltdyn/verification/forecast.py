@@ -85,19 +85,12 @@ _FINEST = 10_000
 
 @attrs.frozen(kw_only=True)
 class Forecast:
-    """Forecast of a setting.
-
-    Attributes:
-        setting: The setting.
-        seconds: CPU time of the run, without settling [s].
-        space: Error in space [1]; NaN if the mesh is fixed.
-        time: Error in time [1].
-    """
+    """Forecast of a setting."""
 
     setting: Setting
-    seconds: float
-    space: float
-    time: float
+    seconds: float  # CPU time of the run, without settling [s]
+    space: float  # error in space [1]; NaN if the mesh is fixed
+    time: float  # error in time [1]
 
     @property
     def error(self) -> float:
@@ -106,31 +99,16 @@ class Forecast:
 
 
 class Pilot:
-    """Cheap runs of a scene, and forecasts from them.
-
-    Args:
-        run: Returns the run at a setting, as :class:`beltdyn.verification.runs.Runs` does.
-        params: The drive.
-        quantity: One of ``QUANTITIES``, of which errors are meant.
-        fixed: Whether the number of links stays that of the drive; errors in space are then NaN.
-        limit: CPU time after which no further run begins [s].
-        clock: Returns the CPU time of this thread [s].
-
-    Attributes:
-        meshes: Numbers of links tried.
-        space_errors: Their errors in space [1].
-        order: The power of the link length by which the error in space goes on falling.
-        time_errors: Errors in time by method and tolerance [1], on the mesh of ``time_mesh`` links.
-    """
+    """Cheap runs of a scene, and forecasts from them."""
 
     def __init__(
         self,
         run: Callable[[Setting], Done],
         params: Params,
-        quantity: str,
+        quantity: str,  # of which errors are meant
         *,
-        fixed: bool = False,
-        limit: float = math.inf,
+        fixed: bool = False,  # whether the mesh is; errors in space are NaN then
+        limit: float = math.inf,  # CPU time after which no further run begins [s]
         clock: Callable[[], float] = time.thread_time,
     ) -> None:
         self._run, self._params, self._quantity = run, params, quantity
@@ -138,9 +116,11 @@ class Pilot:
         self._begun = clock()
         self._done: dict[Setting, Done] = {}
         self._failed: dict[Setting, SimulationError] = {}
-        self.meshes: list[int] = []
-        self.space_errors: list[float] = []
+        self.meshes: list[int] = []  # numbers of links tried
+        self.space_errors: list[float] = []  # theirs [1]
+        #: The power of the link length by which the error in space goes on falling.
         self.order = _ASSUMED
+        #: Errors in time by method and tolerance [1], on the mesh of so many links.
         self.time_errors: dict[tuple[str, float], float] = {}
         self.time_mesh = params.n_bodies
 
@@ -155,11 +135,7 @@ class Pilot:
         return len(self._done) + len(self._failed)
 
     def explore(self, error: float) -> None:
-        """Make the runs that tell which setting reaches an error; those made before are kept.
-
-        Raises:
-            SimulationError: The drive runs at no setting.
-        """
+        """Make the runs that tell which setting reaches an error; those made before are kept."""
         if self._fixed:
             n_b = self._params.n_bodies
             self._first(Setting(n_b, *probe) for probe in _PROBES)
@@ -371,10 +347,7 @@ class Pilot:
     # --- forecasts ---
 
     def _there(self, method: str, rtol: float) -> tuple[float, float]:
-        """Return the error in time [1] and the CPU time [s] on ``time_mesh``.
-
-        Of a tolerance that was not tried, from the tightest that was.
-        """
+        """Return error in time [1] and CPU time [s] on ``time_mesh``, or from those tried there."""
         if (method, rtol) in self.time_errors:
             done = self._done[Setting(self.time_mesh, method, rtol)]
             return self.time_errors[method, rtol], done.cpu
@@ -415,10 +388,8 @@ class Pilot:
         )
 
     def cheapest(self, error: float) -> Forecast | None:
-        """Return the cheapest setting for an error, None if none is known to reach it.
-
-        A mesh between those tried is tried as well: there the error may jump.
-        """
+        """Return the cheapest setting for an error, None if none is known to reach it."""
+        # A mesh between those tried is tried as well: there the error may jump.
         while (one := self._cheapest(error)) is not None and self._worse(one.setting.n_bodies):
             pass
         return one

@@ -47,56 +47,27 @@ def evaluated_in_core(scene: Scene) -> bool:
 
 @attrs.frozen(eq=False)
 class Reached:
-    """How far a run is.
+    """How far a run is."""
 
-    Attributes:
-        start: The state it started from.
-        t: Time [s].
-        steps: Steps so far.
-        method: The method in use.
-    """
-
-    start: State
-    t: float
+    start: State  # from which it started
+    t: float  # [s]
     steps: int
-    method: str
+    method: str  # in use
 
 
 @attrs.frozen(eq=False, kw_only=True)
 class Done:
-    """A finished run.
+    """A finished run."""
 
-    Attributes:
-        cpu: CPU time without settling [s].
-        steps: Steps, rejected ones included.
-        seen: Quantities read off it.
-        accuracy: ``accuracy`` of its result.
-        apart_from: Time from which histories diverge [s], None if they do not.
-    """
-
-    cpu: float
-    steps: int
-    seen: Observed
-    accuracy: Accuracy
-    apart_from: float | None = None
+    cpu: float  # time without settling [s]
+    steps: int  # rejected ones included
+    seen: Observed  # quantities read off it
+    accuracy: Accuracy  # that of its result
+    apart_from: float | None = None  # time from which histories diverge [s]
 
 
 class Runs:
-    """Runs of one scene; on each mesh the belt is settled once. Safe in several threads.
-
-    Args:
-        scene: The scene.
-        simulate: :func:`beltdyn.simulate`.
-        settle: :func:`beltdyn.settle`.
-        t_eval: Sample times (n_t,) [s]; None: 1001 equally spaced ones, as in a run by default.
-        last: Part of the run that means are taken over.
-        initial: State to start from, which fits one mesh only; None: as it settles.
-        options: Further keywords of every run.
-        clock: Returns the CPU time of this thread [s].
-
-    Attributes:
-        settling: CPU time of settling on the meshes so far [s].
-    """
+    """Runs of one scene; on each mesh the belt is settled once. Safe in several threads."""
 
     def __init__(
         self,
@@ -104,16 +75,16 @@ class Runs:
         simulate: Callable[..., Result],
         settle: Callable[..., State],
         *,
-        t_eval: Array | None = None,
-        last: float = 0.2,
-        initial: State | None = None,
-        options: Mapping[str, Any] | None = None,
+        t_eval: Array | None = None,  # None: 1001 times, as in a run by default
+        last: float = 0.2,  # part of the run that means are taken over
+        initial: State | None = None,  # which fits one mesh only; None: as it settles
+        options: Mapping[str, Any] | None = None,  # further keywords of every run
         clock: Callable[[], float] = time.thread_time,
     ) -> None:
         self.scene = scene
         start = 0.0 if initial is None else initial.t
         self.t_eval = np.linspace(start, scene.t_end, 1001) if t_eval is None else t_eval
-        self.settling: dict[int, float] = {}
+        self.settling: dict[int, float] = {}  # CPU time of settling on the meshes so far [s]
         self._simulate, self._settle = simulate, settle
         self._last, self._options = last, options or {}
         self._rest: Shared[int, State] = Shared(self._settled)
@@ -125,11 +96,7 @@ class Runs:
         return self.on(params, self.start(setting.n_bodies), **setting.options)
 
     def on(self, params: Params, initial: State | None, **options: Any) -> Done:
-        """Simulate on a mesh from a state; no warnings are issued.
-
-        Raises:
-            SimulationError: The run failed, or its belt did not settle.
-        """
+        """Simulate on a mesh from a state; no warnings are issued."""
         with silenced():
             result = self._simulate(
                 params,

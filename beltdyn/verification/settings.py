@@ -26,17 +26,11 @@ CELLS = 7
 
 @attrs.frozen(order=True)
 class Setting:
-    """Settings of a run.
+    """Settings of a run."""
 
-    Attributes:
-        n_bodies: Number of links, of an ALE belt about that of cells.
-        method: Integration method.
-        rtol: Error in time that the method is asked for.
-    """
-
-    n_bodies: int
+    n_bodies: int  # links, of an ALE belt about the cells
     method: str
-    rtol: float
+    rtol: float  # error in time that the method is asked for
 
     @property
     def options(self) -> dict[str, Any]:

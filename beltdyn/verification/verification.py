@@ -74,12 +74,11 @@ Settle = Callable[..., State]
 
 
 class Verification:
-    """The runs that verify one run, begun before it and closed after it.
+    """The runs that verify one run, begun before it and closed after it."""
 
-    The other meshes begin in a second thread, if the core evaluates the torques alone, and
-    the check in time there as well as soon as it is known by which method; functions of the user
-    are called from this thread only, and their runs follow one another.
-    """
+    # The other meshes begin in a second thread, if the core evaluates the torques alone, and the
+    # check in time there as well as soon as it is known by which method; functions of the user are
+    # called from this thread only, and their runs follow one another.
 
     def __init__(
         self,
@@ -129,15 +128,7 @@ class Verification:
             self._pool.close(ended=True)
 
     def judge(self, result: Result, start: State) -> Accuracy:
-        """Return the accuracy of the run, once it has finished.
-
-        Args:
-            result: The run.
-            start: The state it started from.
-
-        Raises:
-            KeyboardInterrupt: Ctrl-C.
-        """
+        """Return the accuracy of the run, once it has finished."""
         before = known(result)
         try:
             observed = observe(result)
@@ -314,11 +305,9 @@ class Verification:
 
 
 def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -> State | None:
-    """Return the state on another mesh, if it is one that settling gives there as well.
-
-    Links have positions of their own, to within the depth of the contact; a state that is moved to
-    other links would begin with a shock.
-    """
+    """Return the state on another mesh, if it is one that settling gives there as well."""
+    # Links have positions of their own, to within the depth of the contact; a state that is moved
+    # to other links would begin with a shock.
     still = not any(getattr(initial, name).any() for name in _SPEEDS)
     speeds = {0: float(initial.omega[0])}
     ways: tuple[Callable[[Params], State], ...] = (
