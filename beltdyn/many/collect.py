@@ -69,11 +69,8 @@ def collect(
     for run, outcome in known.items():
         text = take(run, outcome)
     todo = order([run for run in range(len(rows)) if run not in known])
-    finals = {
-        before: known[before].final
-        for before in (after[run] for run in todo)
-        if before in known and known[before].final.size
-    }
+    starts = {after[run] for run in todo} & known.keys()
+    finals = {run: known[run].final for run in starts if known[run].final.size}
     stored = done = len(known)
     del known, found
     if progress and stored:

@@ -29,7 +29,6 @@ __all__ = ["Contents", "Place", "known", "parts_of", "speed_of"]
 
 #: Raised whenever what a run gives for the same content may have changed.
 _FORMAT = 2
-_DIGEST = 32  #: Bytes of a digest.
 
 Leaf = tuple[str, str]
 
@@ -81,7 +80,7 @@ class Contents:
                 total += _sum(self._leaves(root, value))
                 if root in _OTHER and value is not None:
                     total += _sum([(_OTHER[root], repr(None))])
-        text = f"{self._head} {before} {total % 2 ** (8 * _DIGEST):x}"
+        text = f"{self._head} {before} {total % 2**256:x}"
         return hashlib.sha256(text.encode()).hexdigest()[:32]
 
     def _leaves(self, name: str, node: Any) -> Iterator[Leaf]:

@@ -116,8 +116,7 @@ class Dispatch:
             if self._suspects:
                 self._submit([self._suspects.popleft()])
             else:
-                size = min(self._size(), len(self._ready))
-                self._submit([self._ready.popleft() for _ in range(size)])
+                self._submit([self._ready.popleft() for _ in range(self._size())])
 
     def _submit(self, batch: list[int], alone: bool = False) -> None:
         runs: Any = [(self._rows[run], self._starts.get(run)) for run in batch]

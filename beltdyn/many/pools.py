@@ -31,29 +31,23 @@ _PARENT_CHECK_INTERVAL = 0.5
 
 def _available() -> int:
     """Return the number of processors that this process may use."""
-    try:
+    if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
-    except AttributeError:
-        return os.cpu_count() or 1
+    return os.cpu_count() or 1
 
 
 def as_bytes(what: Any) -> bytes:
     """Pickle a job for another process."""
+    pickler: Any = pickle
+    with suppress(ImportError):  # which knows functions of notebooks and scripts
+        pickler = import_module("cloudpickle")
     try:
-        return _pickler().dumps(what, 5)  # type: ignore[no-any-return]
+        return pickler.dumps(what, 5)  # type: ignore[no-any-return]
     except Exception as error:
         why = " ".join(str(error).split())
         raise TypeError(
             f'this cannot be sent to other processes ({why}): give executor="threads"'
         ) from None
-
-
-def _pickler() -> Any:
-    """Return cloudpickle, which knows functions of notebooks and scripts, or what Python has."""
-    try:
-        return import_module("cloudpickle")
-    except ImportError:
-        return pickle
 
 
 class Pool(AbstractContextManager["Pool"]):
@@ -74,7 +68,7 @@ class Pool(AbstractContextManager["Pool"]):
     @property
     def text(self) -> str:
         """What they are, in words."""
-        return self._text
+        return f"{self.count} {self._text}"
 
     def __exit__(self, kind: type[BaseException] | None, *_: Any) -> None:
         self.close(kind is not None)
@@ -114,7 +108,7 @@ class _Threads(Pool):
     def __init__(self, executor: Executor | None, count: int) -> None:
         self._own = executor is None
         executor = executor or ThreadPoolExecutor(count, thread_name_prefix="beltdyn")
-        super().__init__(executor, count, f"{count} thread(s)")
+        super().__init__(executor, count, "thread(s)")
         self._stopper = Stopper()
 
     def submit(self, work: Callable[..., Any], *args: Any) -> Future[Any]:
@@ -135,10 +129,8 @@ class _Threads(Pool):
 
 
 def _begin(parent: int) -> None:
-    """Prepare a process: it leaves Ctrl-C to the one that began the sweep, and ends with that.
-
-    A terminal sends Ctrl-C to all; one that was killed tells no other to end.
-    """
+    """Prepare a process: it leaves Ctrl-C to the one that began the sweep, and ends with that."""
+    # A terminal sends Ctrl-C to all; one that was killed tells no other to end.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     def watch() -> None:
@@ -152,7 +144,7 @@ def _begin(parent: int) -> None:
 class _Processes(Pool):
     def __init__(self, count: int) -> None:
         self._loky = optional_module("loky", "a sweep in other processes", "sweep")
-        super().__init__(self._new(count), count, f"{count} process(es)")
+        super().__init__(self._new(count), count, "process(es)")
 
     def _new(self, count: int) -> Any:
         # Not those of the standard library: they want scripts to guard what starts them by
@@ -160,7 +152,7 @@ class _Processes(Pool):
         return self._loky.ProcessPoolExecutor(count, initializer=_begin, initargs=(os.getpid(),))
 
     def renew(self) -> None:
-        self._executor.shutdown(wait=False, kill_workers=True)
+        self.stop()
         self._executor = self._new(self.count)
 
     def stop(self) -> None:
@@ -186,7 +178,9 @@ class _Dask(Pool):
             raise ValueError(f"executor: this Client is {client.status}, not running")
         self._client = client
         self._counted = 0.0
-        super().__init__(client.get_executor(pure=False, retries=self._RETRIES), 0, "")
+        super().__init__(
+            client.get_executor(pure=False, retries=self._RETRIES), 0, "thread(s) of a Dask cluster"
+        )
 
     @property
     def count(self) -> int:
@@ -195,11 +189,6 @@ class _Dask(Pool):
         if now - self._counted > self._STEADY or not self._counted:
             self._counted, self._count = now, int(sum(self._client.nthreads().values()))
         return max(self._count, 1)
-
-    @property
-    def text(self) -> str:
-        """What they are, in words."""
-        return f"{self.count} thread(s) of a Dask cluster"
 
     def deaths(self, error: BaseException) -> int:
         """Return the number of workers that have died: the scheduler tries several itself."""
@@ -230,7 +219,7 @@ def as_pool(executor: object, in_python: str = "") -> Pool:
         count = getattr(executor, "_max_workers", None) or os.cpu_count() or 1
         if isinstance(executor, ThreadPoolExecutor):
             return _Threads(executor, count)
-        return Pool(executor, count, f"{count} worker(s) of {type(executor).__name__}")
+        return Pool(executor, count, f"worker(s) of {type(executor).__name__}")
     if isinstance(executor, str):
         raise ValueError(f'executor must be "threads" or "processes", got {executor!r}')
     try:

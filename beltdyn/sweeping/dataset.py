@@ -166,9 +166,7 @@ class _Joined:
         """Return the values (n, ...) of each quantity, NaN or "" where there are none."""
         found: dict[str, Any] = {}
         for name, one in self.quantities.items():
-            axes = tuple(self.axes[axis.name] for axis in one.axes)
-            self.quantities[name] = one._replace(axes=axes)
-            shape = (n, *(axis.size for axis in axes))
+            shape = (n, *(self.axes[axis.name].size for axis in one.axes))
             found[name] = np.full(shape, "", dtype=object) if one.words else np.full(shape, np.nan)
         for layout, of in rows:
             runs, numbers, words = zip(*of, strict=True)

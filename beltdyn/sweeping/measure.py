@@ -172,61 +172,47 @@ def _split_report(name: str) -> tuple[str, str | None, str]:
 
 
 class _Report:
-    """The numbers of a report by part and quantity."""
+    """The numbers of a report by part and quantity, of each those of its rows."""
 
     def __init__(self, result: Result, measure: Measure) -> None:
         wanted = [_split_report(name)[2] for _, name in measure.named if _is_of_report(name)]
         margins = any(one == "" or one.split(" ")[0] in _OF_MARGINS for one in wanted)
-        self._params = result.params
-        self._numbers = [
-            one
-            for one in flat.numbers(make_report(result, measure.last, margins=margins))
-            if one.part in _PARTS or (one.part == "report" and one.name == "")
-        ]
+        report = make_report(result, measure.last, margins=margins)
+        self._pulleys = result.params.pulley_names
+        self._found: dict[tuple[str, str], dict[str, flat.Number]] = {}
+        self._rows: dict[str, dict[str, None]] = {}
+        for one in flat.numbers(report):
+            if one.part in _PARTS or (one.part == "report" and one.name == ""):
+                self._found.setdefault((one.part, one.quantity), {})[one.name] = one
+                self._rows.setdefault(one.part, {})[one.name] = None
 
     def find(self, name: str) -> list[Found]:
         part, row, quantity = _split_report(name)
-        groups: dict[tuple[str, str], list[flat.Number]] = {}
-        for one in self._numbers:
-            if part in ("", one.part) and quantity in ("", one.quantity):
-                groups.setdefault((one.part, one.quantity), []).append(one)
-        if not groups:
-            # A drive may have it, only not this run: a margin without a load.
-            groups = {(part, quantity): []}
-        return [self._group(*group, row, found) for group, found in groups.items()]
+        found = [at for at in self._found if part in ("", at[0]) and quantity in ("", at[1])]
+        # A drive may have it, only not this run: a margin without a load.
+        return [self._quantity(*at, row) for at in found or [(part, quantity)]]
 
-    def _group(self, part: str, quantity: str, row: str | None, found: list[flat.Number]) -> Found:
-        words = bool(found) and all(one.text is not None and one.unit == "" for one in found)
-        units = next((one.unit for one in found if one.unit), "")
-        name = f"report.{quantity}" if part == "report" else f"report.{part}.{quantity}"
-        text = f"{quantity} ({part})" if part != "report" else quantity
-
-        def value(of: flat.Number) -> Any:
-            return of.text if words else of.value
-
-        if part == "report" or row is not None:
-            if row is not None:
-                names = self._names(part, found)
-                if row.isdecimal() and int(row) < len(names):
-                    row = names[int(row)]
-                found = [one for one in found if one.name == row]
-                name = f"report.{part}[{row}].{quantity}"
-            nothing: Any = "" if words else np.nan
-            return Quantity(name, (), units, text, words), value(found[0]) if found else nothing
-        names = self._names(part, found)
-        values: Any = np.full(len(names), "" if words else np.nan, dtype=object if words else float)
-        for one in found:
-            values[names.index(one.name)] = value(one)
+    def _quantity(self, part: str, quantity: str, row: str | None) -> Found:
+        found = self._found.get((part, quantity), {})
+        rows = found.values()
+        words = bool(found) and all(one.text is not None and one.unit == "" for one in rows)
+        units = next((one.unit for one in rows if one.unit), "")
+        values = {name: one.text if words else one.value for name, one in found.items()}
+        nothing: Any = "" if words else np.nan
+        if part == "report":
+            value = values.get("", nothing)
+            return Quantity(f"report.{quantity}", (), units, quantity, words), value
+        text = f"{quantity} ({part})"
+        by_pulley = _PARTS.get(part) == "pulley"
+        names = [*self._pulleys] if by_pulley else [*self._rows.get(part, {})]
+        if row is not None:
+            if row.isdecimal() and int(row) < len(names):
+                row = names[int(row)]
+            value = values.get(row, nothing)
+            return Quantity(f"report.{part}[{row}].{quantity}", (), units, text, words), value
         axis = Axis(_PARTS[part], tuple(names), len(names))
-        return Quantity(name, (axis,), units, text, words), values
-
-    def _names(self, part: str, found: list[flat.Number]) -> list[str]:
-        if _PARTS.get(part) == "pulley":
-            return list(self._params.pulley_names)
-        if part == "mounts":
-            return [self._params.pulley_names[k] for k in self._params.mounted]
-        rows = [one.name for one in self._numbers if one.part == part]
-        return list(dict.fromkeys(rows))
+        array = [values.get(name, nothing) for name in names]
+        return Quantity(f"report.{part}.{quantity}", (axis,), units, text, words), array
 
 
 # --- Histories ------------------------------------------------------------------------------------

@@ -177,7 +177,8 @@ def run_sweep(
 ) -> Swept:
     """Do a sweep, as :func:`sweep`, and return its cost, too."""
     optional_module("xarray", "beltdyn.sweep", "sweep")
-    base = as_scene(scene)
+    file = isinstance(scene, (str, os.PathLike))
+    base = scenes.find(scene) if file else whole_scene(scene, "the name of a scene or a TOML file")
     points = as_points(over, combine)
     if "t_end" in options and "t_end" not in points.names:
         base = base._replace(t_end=positive("t_end", options.pop("t_end"), "s"))
@@ -267,13 +268,6 @@ def _workers(executor: Any, work: Work, points: Points, progress: bool) -> Pool:
     if progress and why and executor is None:
         print(f"sweep: in {pool.text}, because {why}", file=sys.stderr)
     return pool
-
-
-def as_scene(scene: Any) -> Scene:
-    """Return the scene of an argument."""
-    if isinstance(scene, (str, os.PathLike)):
-        return scenes.find(scene)
-    return whole_scene(scene, "the name of a scene or a TOML file")
 
 
 def _check_names(scene: Scene, points: Points) -> dict[str, tuple[str, str]]:

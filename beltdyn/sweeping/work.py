@@ -70,18 +70,15 @@ class Work:
         if ran.status != "finished":
             return ran
         result: Result = ran.value
-        ran = attrs.evolve(
-            ran,
-            warnings="\n".join(map(str, result.warnings)),
-            final=_numbers_of(result.final_state) if self.chained else np.zeros(0),
-        )
+        more: dict[str, Any] = {"warnings": "\n".join(map(str, result.warnings))}
+        if self.chained:
+            more["final"] = _numbers_of(result.final_state)
         try:
-            return attrs.evolve(ran, value=self.measure.of(result))
+            more["value"] = self.measure.of(result)
         except Exception as error:
-            message = f"{type(error).__name__}: {in_line(error)}{_where(error)}"
-            return attrs.evolve(
-                ran, status="measure", message=message, value=None, reproducible=False
-            )
+            more |= {"status": "measure", "value": None, "reproducible": False}
+            more["message"] = f"{type(error).__name__}: {in_line(error)}{_where(error)}"
+        return attrs.evolve(ran, **more)
 
     def _scene(self, values: Sequence[Any]) -> tuple[_Drive, Scene, dict[str, Any]]:
         """Return the scene of a run; drives with the same numbers are the same object."""

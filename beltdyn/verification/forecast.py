@@ -215,8 +215,7 @@ class Pilot:
             for k in range(last)
         ]
         errors.append(steps[-1] / (2.0**self.order - 1.0))
-        # Where a finer mesh seems to be worse, the coarser one was right by chance.
-        self.space_errors = np.maximum.accumulate(errors[::-1])[::-1].tolist()
+        self.space_errors = _falling(errors)
         if self._quantity in TENSIONS and (last < 2 or self.order < _TRUSTED):
             # Meshes that do not converge may agree by chance: what a result would say of its mesh
             # is right to a factor of three.
@@ -252,11 +251,9 @@ class Pilot:
         """Return the least number of links with an error in space within a limit."""
         if self._fixed or self.space_error(self.meshes[0]) <= error:
             return self.meshes[0]
-        low, high = self.meshes[0], 100 * _FINEST
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if self.space_error(middle) <= error else (middle, high)
-        return high
+        numbers = range(self.meshes[0] + 1, 100 * _FINEST)
+        k = bisect.bisect_left(numbers, -error, key=lambda n_b: -self.space_error(n_b))
+        return numbers.start + k
 
     # --- time ---
 
@@ -409,7 +406,7 @@ class Pilot:
         self.meshes.insert(k, n_bodies)
         self._probed.insert(k, done.cpu)
         self.space_errors.insert(k, max(error, thought))
-        self.space_errors = np.maximum.accumulate(self.space_errors[::-1])[::-1].tolist()
+        self.space_errors = _falling(self.space_errors)
         return error > _AS_GOOD * thought
 
     def _cheapest(self, error: float) -> Forecast | None:
@@ -441,6 +438,12 @@ class Pilot:
         least_error = min((one.error for one in forecasts), default=0.0)
         good = (one for one in forecasts if one.error <= _AS_GOOD * least_error)
         return min(good, key=lambda one: one.seconds, default=None)
+
+
+def _falling(errors: list[float]) -> list[float]:
+    """Where a finer mesh seems to be worse, the coarser one was right by chance."""
+    found: list[float] = np.maximum.accumulate(errors[::-1])[::-1].tolist()
+    return found
 
 
 def _between(x: float, at: list[int], values: list[float]) -> float:

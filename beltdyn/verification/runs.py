@@ -64,6 +64,7 @@ class Done:
     seen: Observed  # quantities read off it
     accuracy: Accuracy  # that of its result
     apart_from: float | None = None  # time from which histories diverge [s]
+    name: str = ""  # what it is called
 
 
 class Runs:

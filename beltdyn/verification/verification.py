@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Any, NamedTuple
+from typing import Any
 
 import attrs
 import numpy as np
@@ -59,13 +59,6 @@ PARTED, PARTED_RTOL = 100.0, 1e-4
 JUDGED = 0.1
 
 _SPEEDS = ("vx", "vy", "vphi", "v", "p", "omega")
-
-
-class _Check(NamedTuple):
-    """A run that verifies another, and what it is called."""
-
-    name: str
-    done: Done
 
 
 #: Runs a scene with options, and settles a drive.
@@ -142,9 +135,8 @@ class Verification:
         before_meshes = None if left else self._time(methods, start)
         meshes = {ratio: self._mesh(ratio) for ratio in (FINE, COARSE)}
         in_time = before_meshes or self._time(methods, start)
-        outcomes = {"time": in_time, "coarse": meshes[COARSE], "fine": meshes[FINE]}
-        checks = {name: one.value for name, one in outcomes.items() if one.value is not None}
         notes = [one.message for one in (in_time, *meshes.values()) if one.value is None]
+        checks = tuple(one.value for one in (in_time, meshes[COARSE], meshes[FINE]))
         until = _until(result, observed, in_time.value, PARTED * max(self._rtol, PARTED_RTOL))
         errors = self._errors(observed, checks, until, before)
         complete = all(one.total is not None for one in errors if one.quantity not in HISTORIES)
@@ -154,39 +146,35 @@ class Verification:
             verified=complete,
             errors=errors,
             until=until,
-            runs=tuple(f"{check.name}, {check.done.cpu:.2g} s CPU" for check in checks.values()),
+            runs=tuple(f"{check.name}, {check.cpu:.2g} s CPU" for check in checks if check),
             notes=tuple(dict.fromkeys(notes)),
         )
 
     def _errors(
         self,
         observed: Observed,
-        checks: Mapping[str, _Check],
+        checks: tuple[Done | None, ...],  # of the integration, the coarser mesh, the finer one
         until: float | None,
         before: Accuracy,
     ) -> tuple[QuantityError, ...]:
         judged = math.inf if until is None else until
         known_part = judged - observed.t[0] >= JUDGED * (observed.t[-1] - observed.t[0])
-        in_time = {}
-        if "time" in checks:
-            in_time = differences(observed, checks["time"].done.seen, judged)
+        in_time = differences(observed, checks[0].seen, judged) if checks[0] else {}
         of_contact = self._of_contact(observed)
-        meshes = {}
-        for name, ratio in (("coarse", COARSE), ("fine", FINE)):
-            if name in checks:
-                meshes[name] = (self._finer(self._links(ratio)), checks[name].done.seen)
+        coarse, fine = (
+            (self._finer(self._links(ratio)), check.seen) if check else None
+            for ratio, check in zip((COARSE, FINE), checks[1:], strict=True)
+        )
         errors = []
         for quantity in QUANTITIES:
-            time = None if "time" in checks else before[quantity].time
+            time = None if in_time else before[quantity].time
             space, order = before[quantity].space, None
             if known_part or quantity not in HISTORIES:
                 if quantity in in_time:
                     least = CHANCE * in_time["tension"] if quantity not in HISTORIES else 0.0
                     time = _finite(max(TIME_FLOOR, in_time[quantity], least))
-                if meshes:
-                    found, order = space_error(
-                        quantity, observed, meshes.get("coarse"), meshes.get("fine"), judged
-                    )
+                if coarse or fine:
+                    found, order = space_error(quantity, observed, coarse, fine, judged)
                     space = None if found is None else _finite(max(SPACE_FLOOR, found))
             errors.append(
                 QuantityError(
@@ -300,7 +288,7 @@ class Verification:
 
     def _checked(self, name: str, params: Params, start: State | None, **options: Any) -> Outcome:
         """Run; errors, also of a user's function, are an outcome: the main result is kept."""
-        found = attempt(lambda: _Check(name, self._runs.on(params, start, **options)))
+        found = attempt(lambda: attrs.evolve(self._runs.on(params, start, **options), name=name))
         return found if found.value else attrs.evolve(found, message=f"{name}: {found.message}")
 
 
@@ -333,13 +321,11 @@ def _same(one: State, other: State, scale: float) -> bool:
     ) and all(np.allclose(getattr(one, name), getattr(other, name)) for name in _SPEEDS)
 
 
-def _until(
-    result: Result, observed: Observed, in_time: _Check | None, limit: float
-) -> float | None:
+def _until(result: Result, observed: Observed, in_time: Done | None, limit: float) -> float | None:
     """Return the time from which histories diverge, by either run or by their difference."""
     times = [apart_from(result)]
     if in_time is not None:
-        times += [in_time.done.apart_from, _parting(observed, in_time.done.seen, limit)]
+        times += [in_time.apart_from, _parting(observed, in_time.seen, limit)]
     return min((t for t in times if t is not None), default=None)
 
 
