@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
 from typing import Any
 
 import attrs
@@ -51,8 +52,8 @@ _PARTS = {
     "powers": "part",
 }
 #: Quantities of a report that looking for margins to slip gives.
-_MARGINS = ("margin", "least_margin", "own_margin", "slip_torque", "slip_tensions", "worst_time")
-_OF_MARGINS = (*_MARGINS, "sticking_margin", "own_slip_torque", "first_to_slip")
+_OF_MARGINS = {"margin", "least_margin", "own_margin", "slip_torque", "slip_tensions"}
+_OF_MARGINS |= {"worst_time", "sticking_margin", "own_slip_torque", "first_to_slip"}
 
 Found = tuple[Quantity, Any]
 
@@ -278,28 +279,22 @@ def _check_of_report(name: str, params: Params) -> None:
 
 
 def _outputs(names: Sequence[str]) -> tuple[str, ...]:
-    found: list[str] = []
-    for name in names:
-        if name.startswith("stats."):
-            continue
-        history, _ = _split(name)
-        group = history.partition(".")[0]
-        found.append(
-            "energy" if group == "energy" else "pulleys.omega" if history == "slip" else history
-        )
+    """Return what runs have to compute for histories and their reductions."""
+    computed = {"energy": "energy", "slip": "pulleys.omega"}  # for all histories of a group
+    histories = [_split(name)[0] for name in names if not name.startswith("stats.")]
+    found = [computed.get(one.partition(".")[0], one) for one in histories]
     return tuple(dict.fromkeys(found)) or ("pulleys.omega",)
 
 
 def _of_result(result: Result, name: str, last: float) -> Found:
     if name.startswith("stats."):
-        value = getattr(result.stats, name.removeprefix("stats."))
+        value = attrgetter(name)(result)
         number = np.nan if value is None else value
         return Quantity(name, (), "", name, isinstance(value, str)), number
     history, how = _split(name)
     row = _HISTORIES[history]
     unit, text = unit_in(row, result.params), row.text
-    group, _, field = history.partition(".")
-    values = np.asarray(getattr(getattr(result, group), field) if field else getattr(result, group))
+    values = np.asarray(attrgetter(history)(result))
     axes = _axes(result, row.size)
     if how is None:
         time = Axis("time", tuple(map(float, result.t)), result.t.size, "s", "time")

@@ -69,19 +69,19 @@ def as_points(over: object, combine: object = "grid") -> Points:
 def _listed(over: Sequence[Any]) -> Points:
     if not over:
         raise ValueError("over must hold at least one point")
+    names: tuple[str, ...] = ()
     for k, point in enumerate(over):
         if not isinstance(point, Mapping):
             raise TypeError(f"over[{k}] must be a mapping {{name: value}}, got {point!r:.60}")
-    names = tuple(map(_name, over[0]))
-    for k, point in enumerate(over):
+        names = names or tuple(map(_name, point))
+        if not names:
+            raise ValueError("over[0] must name at least one thing to change")
         if set(point) != set(names):
             raise ValueError(
                 f"over[{k}] must name {', '.join(names)}, as over[0] does, got "
                 f"{', '.join(map(str, point)) or 'nothing'}"
             )
     rows = tuple(tuple(_plain(name, point[name]) for name in names) for point in over)
-    if not names:
-        raise ValueError("over[0] must name at least one thing to change")
     return Points(names, (), rows, {"kind": "list"})
 
 

@@ -105,7 +105,11 @@ def sample(
         TypeError, ValueError: An argument breaks its rule.
         ImportError: SciPy, or for "saltelli" SALib, is not installed.
     """
-    quantiles, texts = _quantiles(ranges)
+    if not isinstance(ranges, Mapping):
+        raise TypeError(f"ranges must be a dict by parameter, got {shown(ranges)}")
+    if not ranges:
+        raise ValueError("ranges must have at least one parameter, got none")
+    quantiles = {name: _quantile(name, given) for name, given in ranges.items()}
     names = tuple(quantiles)
     one_of("method", method, METHODS)
     most = 2**63 if method in ("random", "latin-hypercube", "halton") else _MOST
@@ -118,11 +122,8 @@ def sample(
             f'n must be a power of two for method="saltelli", such as {low} or {2 * low}, got {n}'
         )
     shares = np.clip(_shares(names, n, method, seed, second_order), _EDGE, 1.0 - _EDGE)
-    columns = [
-        _values(name, quantile, shares[:, k])
-        for k, (name, quantile) in enumerate(quantiles.items())
-    ]
-    values = np.ascontiguousarray(np.stack(columns, axis=1))
+    drawn = [_values(name, quantiles[name][0], shares[:, k]) for k, name in enumerate(names)]
+    values = np.ascontiguousarray(np.stack(drawn, axis=1))
     values.setflags(write=False)
     design = {
         "method": method,
@@ -130,7 +131,7 @@ def sample(
         "seed": seed,
         "second_order": bool(second_order),
         "names": list(names),
-        "distributions": texts,
+        "distributions": {name: text for name, (_, text) in quantiles.items()},
     }
     return Samples(names=names, values=values, design=design)
 
@@ -157,35 +158,22 @@ def _shares(names: tuple[str, ...], n: int, method: str, seed: int, second_order
     return np.asarray(points, dtype=np.float64)
 
 
-def _quantiles(ranges: object) -> tuple[dict[str, Callable[[Array], Any]], dict[str, str]]:
-    """Check the ranges; return quantile functions, and the ranges as text, by name."""
-    if not isinstance(ranges, Mapping):
-        raise TypeError(f"ranges must be a dict by parameter, got {shown(ranges)}")
-    if not ranges:
-        raise ValueError("ranges must have at least one parameter, got none")
-    found: dict[str, Callable[[Array], Any]] = {}
-    texts: dict[str, str] = {}
-    for name, given in ranges.items():
-        if not isinstance(name, str):
-            raise TypeError(f"ranges must have names as its keys, got {shown(name)}")
-        label = f"ranges[{name!r}]"
-        if callable(getattr(given, "ppf", None)):
-            found[name], texts[name] = given.ppf, _described(given)
-            continue
-        if isinstance(given, str) or not hasattr(given, "__len__"):
-            raise TypeError(
-                f"{label} must be a pair (low, high) or a distribution with ppf, such as "
-                f"scipy.stats.norm(...), got {shown(given)}"
-            )
-        low, high = pair(label, given, "")
-        if not low < high:
-            raise ValueError(f"{label} must have low < high, got {low:g} and {high:g}")
-        found[name], texts[name] = _uniform(low, high), f"{low:g} to {high:g}"
-    return found, texts
-
-
-def _uniform(low: float, high: float) -> Callable[[Array], Array]:
-    return lambda share: low + (high - low) * share
+def _quantile(name: object, given: Any) -> tuple[Callable[[Array], Any], str]:
+    """Return the quantile function of a range or a distribution, and what it is as text."""
+    if not isinstance(name, str):
+        raise TypeError(f"ranges must have names as its keys, got {shown(name)}")
+    label = f"ranges[{name!r}]"
+    if callable(getattr(given, "ppf", None)):
+        return given.ppf, _described(given)
+    if isinstance(given, str) or not hasattr(given, "__len__"):
+        raise TypeError(
+            f"{label} must be a pair (low, high) or a distribution with ppf, such as "
+            f"scipy.stats.norm(...), got {shown(given)}"
+        )
+    low, high = pair(label, given, "")
+    if not low < high:
+        raise ValueError(f"{label} must have low < high, got {low:g} and {high:g}")
+    return lambda share: low + (high - low) * share, f"{low:g} to {high:g}"
 
 
 def _described(distribution: Any) -> str:

@@ -50,16 +50,8 @@ _LOOSE, _OF_DIFFERENCE = 0.6, (1.25, 0.6)
 _TIGHT, _TIGHT_RANGE = 0.3, (1e-7, 1e-2)
 #: Settings whose errors in time are measured, from cheap to costly.
 LADDER = (
-    ("lbdf2", 1e-1),
-    ("lbdf2", 3e-2),
-    ("lbdf2", 1e-2),
-    ("rodas4", 3e-2),
-    ("rodas4", 1e-2),
-    ("rodas4", 3e-3),
-    ("rodas4", 1e-3),
-    ("rodas4", 1e-4),
-    ("rodas4", 1e-5),
-    ("rodas4", 1e-6),
+    *(("lbdf2", rtol) for rtol in (1e-1, 3e-2, 1e-2)),
+    *(("rodas4", rtol) for rtol in (3e-2, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6)),
 )
 #: By method, the tolerances that a forecast goes beyond the tightest tried, and how the CPU time
 #: then grows, as a power of the tolerance: in the scenes of the library that of "rodas4" by 0.2 to
