@@ -30,7 +30,7 @@ __all__ = ["Work"]
 _Drive = tuple[Hashable, ...]
 
 
-@attrs.frozen(eq=False)
+@attrs.define(eq=False)
 class Work:
     """The runs of a sweep, by their values; threads may share it, other processes be sent it."""
 
@@ -43,17 +43,10 @@ class Work:
     _drives: Shared[_Drive, Params] = attrs.field(init=False)
     _states: Shared[_Drive, State] = attrs.field(init=False)
 
-    @of_drive.default
-    def _find(self) -> list[int]:
-        return [k for k, name in enumerate(self.names) if find(self.scene, name).root == "params"]
-
-    @_drives.default
-    def _of_drives(self) -> Shared[_Drive, Params]:
-        return Shared(self._drive)
-
-    @_states.default
-    def _of_states(self) -> Shared[_Drive, State]:
-        return Shared(self._settled)
+    def __attrs_post_init__(self) -> None:
+        roots = [find(self.scene, name).root for name in self.names]
+        self.of_drive = [k for k, root in enumerate(roots) if root == "params"]
+        self._drives, self._states = Shared(self._drive), Shared(self._settled)
 
     def __call__(self, values: Sequence[Any], before: Array | None = None) -> Outcome:
         """Do a run; ``before`` is the final state of the one whose end it starts from."""

@@ -285,8 +285,8 @@ class Pilot:
         exact = self._first(Setting(self.time_mesh, name, rtol) for name in ("rodas4", "auto"))
         if exact is None:
             raise next(iter(self._failed.values()))
-        for method, tolerance in self._explicit(min(wanted, self.most), error, exact.cpu):
-            self._time(method, tolerance, exact)
+        if self._explicit(min(wanted, self.most)) <= exact.cpu:
+            self._time("tsit5", float(np.clip(error, 1e-7, 1e-1)), exact)
         for method, tolerance in LADDER:
             if tolerance <= rtol and method == "rodas4":
                 break
@@ -318,17 +318,11 @@ class Pilot:
         """Return the setting that was tried first on a mesh."""
         return next((one for one in self._done if one.n_bodies == n_bodies), None)
 
-    def _explicit(self, n_b: int, error: float, cpu: float) -> Iterable[tuple[str, float]]:
-        """Yield the explicit setting, unless on the mesh looked for it is far too slow."""
+    def _explicit(self, n_b: int) -> float:
+        """Return roughly the CPU time of a run by explicit steps [s]."""
         a, b = _EXPLICIT_COST
-        seconds = self._span() * self._bound(n_b) / _EXPLICIT_STEP * (a + b * n_b)
-        if seconds <= cpu:
-            yield "tsit5", float(np.clip(error, 1e-7, 1e-1))
-
-    def _span(self) -> float:
-        """Return the simulated time [s]."""
-        seen = next(iter(self._done.values())).seen
-        return float(seen.t[-1] - seen.t[0])
+        t = next(iter(self._done.values())).seen.t
+        return float(t[-1] - t[0]) * self._bound(n_b) / _EXPLICIT_STEP * (a + b * n_b)
 
     def _bound(self, n_bodies: int) -> float:
         return float(with_links(self._params, n_bodies).info["spectral_bound"])
