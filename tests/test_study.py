@@ -217,6 +217,7 @@ def test_bad_arguments() -> None:
         (study, {"methods": "auto"}, TypeError),
         (study, {"methods": ("rk4",)}, ValueError),
         (study, {"n_bodies": ()}, ValueError),
+        (study, {"rtols": ()}, ValueError),
         (study, {"finest": 60, "n_bodies": (60,)}, ValueError),
         (study, {"limit": 0.0}, ValueError),
     ]

@@ -157,6 +157,9 @@ def test_a_name_changes_what_it_stands_for() -> None:
     over = {"torque.scale": [2.0], "torque[0].scale": [1.5], "torque": [ramp_to(-30.0)]}
     found = run(small(), over, "pulleys.torque.final", t_end=0.001)
     assert list(found["pulleys.torque.final"].values.ravel()) == [-90.0, 0.0]
+    turning = moved()._replace(motion={0: lambda t: -5.0})
+    found = run(turning, {"motion.scale": [2.0], "motion[0].scale": [1.5]}, "pulleys.omega.final")
+    assert found["pulleys.omega.final"].values[0, 0, 0] == -15.0
 
 
 def test_a_warm_start_goes_on_from_the_run_before() -> None:
@@ -319,6 +322,13 @@ def test_runs_that_fail_stop_nothing_and_say_why() -> None:
         bd.settle(attrs.evolve(scene.params, gravity=(0.0, -1e7)))
     assert found["message"].values[6] == " ".join(str(error.value).split())
 
+    # a load that lacks what is swept of it
+    whole = [bd.Viscous([0.0, 1.0]), bd.Load(0, viscous=1.0)]
+    over = {"torque": whole, "torque[0].coefficients[1]": [1.0]}
+    found = run(plain()._replace(torque_fn=whole[0]), over, "stats.steps")
+    assert [*found["status"].values.ravel()] == ["finished", "refused"]
+    assert "not 'coefficients'" in str(found["message"].values[1, 0])
+
     # a measure that fails or does not fit
     def measure(result: bd.Result) -> Any:
         length = result.params.belt.length
@@ -406,6 +416,8 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"last": 0.0}, "last must be"),
     ({"scene": "no-such-scene"}, "no scene is called"),
     ({"scene": 3}, "scene must be"),
+    ({"scene": plain()[:2]}, "got (Params, TorqueSum)"),
+    ({"exectuor": 2}, "did you mean 'executor'"),
     ({"store": 3}, "store must be a path or None, got int"),
     # as simulate says it of one run
     ({"rtol": "x"}, "rtol must be a real number, got 'x'"),

@@ -13,7 +13,6 @@ import numpy as np
 
 from .. import _core
 from ..base.checks import Array, flag, integer, positive, real
-from ..drive.params import Params
 from ..drive.scene import Scene
 from ..many.collect import outcomes
 from ..many.content import Contents, known
@@ -107,7 +106,12 @@ def study(
     scene = whole_scene(scene)
     if workers is None and not evaluated_in_core(scene):
         workers = 1
-    ladder = _numbers(scene.params, n_bodies)
+    given = meshes(scene.params) if n_bodies is None else n_bodies
+    ladder = sorted({integer("n_bodies", n, 3) for n in given})
+    tolerances = sorted({positive("rtols", rtol) for rtol in rtols}, reverse=True)
+    for name, values in (("n_bodies", ladder), ("rtols", tolerances)):
+        if not values:
+            raise ValueError(f"{name} must hold at least one number")
     last = real("last", last)
     contents = None
     if store is not None:  # CPU times are those of an instruction level
@@ -134,7 +138,7 @@ def study(
     job = _Job(
         scene=scene,
         methods=_names(scene, methods),
-        rtols=sorted((positive("rtols", rtol) for rtol in rtols), reverse=True),
+        rtols=tolerances,
         meshes=ladder,
         finest=2 * ladder[-1] if finest is None else integer("finest", finest, ladder[-1] + 1),
         limit=positive("limit", limit, "s"),
@@ -178,14 +182,6 @@ def _names(scene: Scene, methods: Sequence[str] | None) -> list[str]:
 
 def _flows(scene: Scene) -> bool:
     return bool(scene.params._belt_facts["flows"])
-
-
-def _numbers(params: Params, n_bodies: Sequence[int] | None) -> list[int]:
-    given = meshes(params) if n_bodies is None else n_bodies
-    numbers = sorted({integer("n_bodies", n, 3) for n in given})
-    if not numbers:
-        raise ValueError("n_bodies must hold at least one number")
-    return numbers
 
 
 @attrs.frozen(eq=False, kw_only=True)
