@@ -33,11 +33,6 @@ class Design(NamedTuple):
     second_order: bool  # whether groups serve second indices
 
     @property
-    def runs(self) -> int:
-        """Number of runs."""
-        return self.groups * self.size
-
-    @property
     def least(self) -> int:
         """Smallest number of groups, or runs."""
         return _LEAST_GROUPS if self.size > 1 else _HARMONICS * _RUNS_PER_HARMONIC

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -181,10 +182,10 @@ def sensitivity(
     design = _design(dataset)
     array = _quantity(dataset, quantity)
     own = [dim for dim in array.dims if dim != "run"]
-    values = _by_run(dataset, array.transpose("run", *own), design)
+    values = _by_run(array.transpose("run", *own), design)
     shape = values.shape[1:]
     flat = values.reshape(design.groups, design.size, math.prod(shape))
-    inputs = np.stack([_by_run(dataset, dataset[name], design) for name in design.names], axis=1)
+    inputs = np.stack([_by_run(dataset[name], design) for name in design.names], axis=1)
     found = [estimated(design, flat[:, :, k], inputs, options) for k in range(flat.shape[2])]
     _check_enough(dataset, found, design, str(array.name))
     coords = {dim: array.coords[dim] for dim in own if dim in array.coords}
@@ -242,11 +243,17 @@ def _design(dataset: Any) -> Design:
         raise ValueError(f"{what}; it has no such attribute 'design'") from None
     if not known or n < 1:
         raise ValueError(f"{what}; its attribute 'design' is {shown(design)}")
-    missing = [name for name in names if name not in dataset.coords]
-    if missing or "run" not in dataset.coords:
-        absent = ", ".join([*missing, *([] if "run" in dataset.coords else ["run"])])
-        raise ValueError(f"dataset must have the coordinates of its samples, {absent} is missing")
+    missing = ", ".join(name for name in (*names, "run") if name not in dataset.coords)
+    if missing:
+        raise ValueError(f"dataset must have the coordinates of its samples, {missing} is missing")
     size = (2 * len(names) + 2 if second else len(names) + 2) if saltelli else 1
+    runs, count = np.asarray(dataset["run"].values), n * size
+    good = runs.dtype.kind in "iu" and runs.size and runs.min() >= 0 and runs.max() < count
+    if not good or np.unique(runs).size != runs.size:
+        raise ValueError(
+            f"dataset must have the runs of its design, numbers from 0 to {count - 1} along "
+            f"'run', each once at most, got {shown(runs)}"
+        )
     return Design(names, n, size, second)
 
 
@@ -271,19 +278,9 @@ def _quantity(dataset: Any, quantity: object) -> Any:
     return dataset[quantity]
 
 
-def _by_run(dataset: Any, array: Any, design: Design) -> Array:
+def _by_run(array: Any, design: Design) -> Array:
     """Return the values by the number of the run (runs, ...), NaN where there is no such run."""
-    runs = np.asarray(dataset["run"].values)
-    count = design.runs
-    good = runs.dtype.kind in "iu" and runs.size and runs.min() >= 0 and runs.max() < count
-    if not good or np.unique(runs).size != runs.size:
-        raise ValueError(
-            f"dataset must have the runs of its design, numbers from 0 to {count - 1} along "
-            f"'run', each once at most, got {shown(runs)}"
-        )
-    values = np.full((count, *array.shape[1:]), np.nan)
-    values[runs] = array.values
-    return values
+    return np.asarray(array.reindex(run=np.arange(design.groups * design.size)), dtype=np.float64)
 
 
 def _check_enough(dataset: Any, found: Sequence[Indices], design: Design, name: str) -> None:
@@ -301,12 +298,8 @@ def _failures(dataset: Any) -> str:
     """Return " (3 runs failed, 2 were refused)" from the states of the runs, or ""."""
     if "status" not in dataset:
         return ""
-    states, counts = np.unique(dataset["status"].values.astype(str), return_counts=True)
-    words = [
-        f"{count} {state}"
-        for state, count in zip(states, counts, strict=True)
-        if state != "finished"
-    ]
+    states = Counter(dataset["status"].values.ravel().astype(str).tolist())
+    words = [f"{states[state]} {state}" for state in sorted(states) if state != "finished"]
     return f" (runs: {', '.join(words)})" if words else ""
 
 
