@@ -15,7 +15,7 @@ from .. import _core
 from ..base.checks import Array, flag, integer, positive, real
 from ..drive.scene import Scene
 from ..many.collect import outcomes
-from ..many.content import Contents, known
+from ..many.content import Contents, needing_keys
 from ..many.dispatch import Run
 from ..many.outcome import Outcome, attempt
 from ..many.pools import as_pool
@@ -115,7 +115,7 @@ def study(
     last = real("last", last)
     contents = None
     if store is not None:  # CPU times are those of an instruction level
-        with known():
+        with needing_keys():
             contents = Contents(scene, {}, (), f"study {last} {_core.kernel_level()}")
     workers = workers if workers is None else integer("workers", workers, 1)
     shown = flag("progress", progress)

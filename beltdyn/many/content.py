@@ -25,7 +25,7 @@ from ..loads.motions import Motion, as_motions
 from ..loads.torques import TorqueSum
 from .identity import NoKeyError, token
 
-__all__ = ["Contents", "Place", "known", "parts_of", "speed_of"]
+__all__ = ["Contents", "Place", "needing_keys", "parts_of", "speed_of"]
 
 #: Raised whenever what a run gives for the same content may have changed.
 _FORMAT = 2
@@ -120,13 +120,13 @@ class Contents:
 
 
 @contextmanager
-def known(else_: str = "") -> Iterator[None]:
+def needing_keys(remedy: str = "") -> Iterator[None]:
     """Raise an error of runs whose content cannot be known as one of the store."""
     try:
         yield
     except NoKeyError as error:
         raise ValueError(
-            f"store: runs are known by their content, and {error}; leave store out{else_}"
+            f"store: runs are known by their content, and {error}; leave store out{remedy}"
         ) from None
 
 

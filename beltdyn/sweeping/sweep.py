@@ -21,7 +21,7 @@ from ..drive.scene import Scene
 from ..loads.motions import as_motions, in_core
 from ..loads.torques import Torque, as_terms
 from ..many.collect import Cost, collect
-from ..many.content import Contents, known
+from ..many.content import Contents, needing_keys
 from ..many.identity import token
 from ..many.outcome import STATUSES, Outcome
 from ..many.pools import Pool, as_pool
@@ -227,7 +227,7 @@ def run_sweep(
 def _keys(work: Work, points: Points, after: Sequence[int], key: str) -> list[str]:
     """Return the key of each run in a store."""
     keys: list[str] = []
-    with known(", or give key= for what the functions of the scene and measure do"):
+    with needing_keys(", or give key= for what the functions of the scene and measure do"):
         # runs that others start from are kept with the states at their ends
         what = token(work.measure, key) + (" chained" if max(after) >= 0 else "")
         places = [place(work.scene, name) for name in points.names]
