@@ -145,6 +145,8 @@ def test_bad_input_is_named_in_one_line(tmp_path: Path) -> None:
         ((*RUN, "--method", "euler"), ["euler"]),
         ((*RUN, "--rtol", "x"), ["--rtol"]),
         ((*RUN, "--nope"), ["--nope"]),
+        ((*RUN, "--plto", "a.png"), ["No such option", "(did you mean '--plot'?)"]),
+        (("rum",), ["No such command 'rum'. (did you mean 'run'?)"]),
         ((*RUN, "--t-end"), ["--t-end"]),
         ((*RUN, "--outputs", "tension"), ["there is no 'tension', there are"]),
         ((*RUN, "--outputs", "belt", "--plot", "a.png"), ["leave --outputs out"]),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -20,7 +21,6 @@ from scipy.io import loadmat
 import beltdyn as bd
 from beltdyn import cli
 from beltdyn.cli import commands
-from beltdyn.cli import sweep_command as sweeping
 
 T = np.linspace(0.0, 4e-3, 5)
 
@@ -93,7 +93,11 @@ def test_other_endings_are_refused_before_anything_runs(
     file that can be read again.
     """
     monkeypatch.setattr(commands, "simulate", Mock(side_effect=AssertionError("it ran")))
-    monkeypatch.setattr(sweeping, "run_sweep", Mock(side_effect=AssertionError("it ran")))
+    monkeypatch.setattr(
+        import_module("beltdyn.sweeping.sweep"),
+        "run_sweep",
+        Mock(side_effect=AssertionError("it ran")),
+    )
     path = tmp_path / "run.xlsx"
     rule = "its ending must be .npz, .nc, .csv or .mat"
     with pytest.raises(ValueError, match=rule):

@@ -70,6 +70,33 @@ def test_misspelt_fields_are_answered_with_those_that_there_are(cls: type) -> No
         cls(*range(99))
 
 
+def test_misspelt_arguments_are_answered_with_one_that_there_is() -> None:
+    """Of functions and methods; signatures and pickles are those of the function itself."""
+    result = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-4)
+    for call, message in (
+        (lambda: bd.simulate(tend=1.0), r"simulate\(\) got .* 'tend' \(did you mean 't_end'\?\)"),
+        (lambda: bd.settle(params=None, frict=True), r"'frict' \(did you mean 'friction'\?\)"),
+        (lambda: bd.identify(fre=1), r"identify\(\) got .* 'fre' \(did you mean 'free'\?\)"),
+        (
+            lambda: result.report(begin=0.1),
+            r"Result.report\(\) got .* 'begin'; it takes last, joint",
+        ),
+        (lambda: result.along_belt(nam="belt.x"), r"'nam' \(did you mean 'name'\?\)"),
+        (
+            lambda: bd.Pulley(0.1, 1.0),
+            r"Pulley takes 0 positional argument\(s\), got 2: .* center,",
+        ),
+        (
+            lambda: bd.Checkpoint("a", 1.0, 2),
+            r"Checkpoint takes 2 positional .* got 3: .* path, every",
+        ),
+    ):
+        with pytest.raises(TypeError, match=f"{message}"):
+            call()  # type: ignore[no-untyped-call]
+    assert list(inspect.signature(bd.Result.report).parameters) == ["self", "last", "joint"]
+    assert pickle.loads(pickle.dumps(bd.simulate)) is bd.simulate
+
+
 def test_what_notebooks_show() -> None:
     """The drive, its result, its accuracy and its modes as tables, with what print says of them."""
     params = bd.scenes.three_pulleys()[0]

@@ -603,7 +603,7 @@ def test_scenes_in_files() -> None:
         ("values = [0.0, -4.0, -20.0]", "", r"motion\[0\].values: missing"),
         ("0.004", "0.0", r"motion\[0\] must not jump"),
         ("pulley = 0", "pully = 0\npulley = 0", r"motion\[0\].pully: unknown field"),
-        ("[[motion]]", "[motion]", r"motion: must be an array of tables"),
+        ("[[motion]]", "[motion]", r"motion: must be an array of tables, \[\[motion\]\]"),
         ("[[motion]]", '[[motion]]\npulley = 0\nkind = "piecewise_linear"\nt = [0.0]\n'
          "values = [0.0]\n[[motion]]", r"motion\[1\].pulley: pulley 0 has a motion already"),
         ('"piecewise_linear"', '"steps"', r"motion\[0\].kind must be one of"),

@@ -232,10 +232,10 @@ def test_what_is_no_scene_and_no_drive(tmp_path: Path) -> None:
     for change, message in (
         ({"belt": 1}, "belt: must be a table, got 1"),
         ({"belt": [1, 2]}, "belt: must be a table, got [1, 2]"),
-        ({"pulleys": 3}, "pulleys: must be an array of tables, [[...]]"),
+        ({"pulleys": 3}, "pulleys: must be an array of tables, [[pulleys]]"),
         ({"pulleys": [3]}, "pulleys[0]: must be a table, got 3"),
         ({"friction": 3}, "friction: must be a table, got 3"),
-        ({"pulleys": {"radius": 1}}, "pulleys: must be an array of tables, [[...]]"),
+        ({"pulleys": {"radius": 1}}, "pulleys: must be an array of tables, [[pulleys]]"),
     ):
         document = {"belt": good["belt"], "contact": good["contact"], "pulleys": good["pulleys"]}
         with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):

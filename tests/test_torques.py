@@ -74,6 +74,9 @@ def test_values() -> None:
     ramp, drag = bd.PiecewiseLinear([0, 1], [[0, 0], [1, 2]]), bd.Viscous([1, 1])
     total = ramp + drag + ramp
     assert isinstance(total, bd.TorqueSum) and total.parts == (ramp, drag, ramp)
+    for add in (lambda: total + law, lambda: law + total):
+        with pytest.raises(TypeError, match="cannot be added to a torque object: give a function"):
+            add()
     assert total(0.5, still, [3, 4]).tolist() == [-2.0, -2.0]
     assert len(total.terms()) == 3
     with pytest.raises(ValueError, match=r"torque\[1\] must be for 2 pulley\(s\).*got one for 3"):

@@ -13,6 +13,7 @@ import numpy as np
 
 from .. import _core
 from ..base.checks import Array, flag, integer, positive, real
+from ..base.described import suggesting
 from ..drive.scene import Scene
 from ..many.collect import outcomes
 from ..many.content import Contents, needing_keys
@@ -59,6 +60,7 @@ _FAILED: dict[str, Any] = {
 }
 
 
+@suggesting
 def study(
     scene: Scene,
     *,

@@ -8,6 +8,7 @@ from typing import Any
 import attrs
 
 from ..base.checks import positive
+from ..base.described import suggesting
 from ..base.rounding import percent
 from ..drive import cells
 from ..drive.compliance import compliance_error
@@ -128,6 +129,7 @@ class Suggestion:
         return f"Suggestion({self.setting}, {self.seconds:.3g} s, error {self.error:.2g})"
 
 
+@suggesting
 def suggest(
     scene: Scene, error: float = 1e-2, quantity: str = "tension", *, limit: float = 30.0
 ) -> Suggestion:

@@ -10,15 +10,16 @@ from __future__ import annotations
 import inspect
 import re
 import textwrap
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from functools import wraps
 from typing import Any, TypeVar, cast
 
 import attrs
 
-from .checks import unknown_field
+from .checks import close_to, unknown_field
 
 _Class = TypeVar("_Class", bound=type)
+_Function = TypeVar("_Function", bound=Callable[..., Any])
 
 #: For ``attrs.inspect`` and for classes that are made of this one and set attributes; not
 #: ``__attrs_attrs__``, which ``attrs.fields`` reads.
@@ -27,7 +28,13 @@ _FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
 
 
 def describe(cls: Any) -> None:
-    """Annotate arguments with types, fields with texts; have errors list the fields."""
+    """Annotate the arguments of a class with types, and its fields with texts of its docstring.
+
+    Misspelt arguments, of its methods too, are then answered with the names that there are.
+    """
+    for name, one in vars(cls).copy().items():
+        if inspect.isfunction(one) and not name.startswith("_") and not hasattr(one, "__wrapped__"):
+            setattr(cls, name, suggesting(one))
     if attrs.has(cls):
         fields = attrs.fields(cls)
         types = {one.alias: one.type for one in fields if one.init and one.type is not None}
@@ -51,20 +58,60 @@ def describe(cls: Any) -> None:
             getattr(cls, name).__doc__ = texts.get(name)
 
 
-def _naming_fields(make: Any, cls: str, known: Iterable[str]) -> Callable[..., Any]:
-    """Return ``__init__`` or ``__new__`` of a class with an error that lists its fields."""
+def _naming_fields(make: Any, cls: str, known: Collection[str]) -> Callable[..., Any]:
+    """Return ``__init__`` or ``__new__`` of a class with errors that list its fields."""
     if hasattr(make, "__wrapped__"):  # described already
         return cast(Callable[..., Any], make)
 
-    @wraps(make)
+    def explain(args: tuple[Any, ...], given: Mapping[str, Any]) -> str | None:
+        for name in given:
+            if name not in known:
+                return f"{cls}.{name}: {unknown_field(name, known)}"
+        most = sum(map(_is_positional, inspect.signature(make).parameters.values())) - 1
+        if len(args) - 1 <= most:  # the class itself is among them
+            return None
+        return (
+            f"{cls} takes {most} positional argument(s), got {len(args) - 1}: give the others by "
+            f"name; the fields are {', '.join(known)}"
+        )
+
+    return _explaining(make, explain)
+
+
+def suggesting(function: _Function) -> _Function:
+    """Decorate a function: an argument that it does not have is answered with a similar one."""
+
+    def explain(_args: tuple[Any, ...], given: Mapping[str, Any]) -> str | None:
+        known = [name for name in inspect.signature(function).parameters if name != "self"]
+        for name in given:
+            if name not in known:
+                hint = close_to(name, known) or f"; it takes {', '.join(known) or 'none'}"
+                called = f"{function.__qualname__}()"
+                return f"{called} got an unexpected keyword argument {name!r}{hint}"
+        return None
+
+    return cast(_Function, _explaining(function, explain))
+
+
+def _is_positional(parameter: inspect.Parameter) -> bool:
+    return parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
+
+
+def _explaining(
+    function: Any, explain: Callable[[tuple[Any, ...], Mapping[str, Any]], str | None]
+) -> Callable[..., Any]:
+    """Return the function with other words where its arguments do not fit its signature."""
+
+    @wraps(function)
     def checked(*args: Any, **given: Any) -> Any:
         try:
-            return make(*args, **given)
-        except TypeError:
-            for name in given:
-                if name not in known:
-                    raise TypeError(f"{cls}.{name}: {unknown_field(name, known)}") from None
-            raise
+            return function(*args, **given)
+        except TypeError as error:
+            began = error.__traceback__ is not None and error.__traceback__.tb_next is not None
+            text = None if began else explain(args, given)
+            if text is None:
+                raise
+        raise TypeError(text)
 
     return checked
 

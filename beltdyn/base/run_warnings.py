@@ -108,6 +108,7 @@ class RunWarning:
         return f"{self.code}: {self.text}"
 
 
+_PACKAGE = f"{__name__.partition('.')[0]}."
 #: Set in the threads of a search, which issues the warnings of its best run alone.
 _SILENT: ContextVar[bool] = ContextVar("silent", default=False)
 
@@ -122,15 +123,25 @@ def silenced() -> Iterator[None]:
         _SILENT.reset(token)
 
 
-def issue(noticed: Iterable[RunWarning], stacklevel: int) -> None:
-    """Issue each as a Python warning, on behalf of the caller so many levels up."""
+def issue(noticed: Iterable[RunWarning]) -> None:
+    """Issue each as a Python warning, on behalf of who called the package."""
     if _SILENT.get():
         return
     for one in noticed:
-        warnings.warn(str(one), _category(one), stacklevel=stacklevel + 1)
+        warnings.warn(str(one), _category(one), stacklevel=caller()[0])
 
 
-def is_error(one: RunWarning, stacklevel: int) -> bool:
+def caller() -> tuple[int, str]:
+    """Return who called the package: the ``stacklevel`` as seen from here, and its module."""
+    level, frame = 1, sys._getframe(1)
+    while (module := str(frame.f_globals.get("__name__", ""))).startswith(_PACKAGE):
+        if frame.f_back is None:
+            break
+        level, frame = level + 1, frame.f_back
+    return level, module
+
+
+def is_error(one: RunWarning) -> bool:
     """Return whether a filter turns a warning into an error, issued as by :func:`issue`."""
 
     def fits(pattern: Any, text: str) -> bool:  # those that Python begins with are plain texts
@@ -138,7 +149,7 @@ def is_error(one: RunWarning, stacklevel: int) -> bool:
             pattern == text if isinstance(pattern, str) else pattern.match(text)
         )
 
-    module = sys._getframe(stacklevel).f_globals.get("__name__", "")
+    module = caller()[1]
     for action, message, category, where, line in warnings.filters:
         of_it = issubclass(_category(one), category) and fits(message, str(one))
         if of_it and fits(where, module) and not line:

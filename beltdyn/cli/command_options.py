@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import wraps
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import click
 
 from ..base.run_options import USUAL, Options
 from ..drive.parts import MESHES
 
-__all__ = ["PATH", "QUIET_RUN", "Option", "options", "was_given"]
-
-_Command = TypeVar("_Command", bound=Callable[..., Any])
+__all__ = ["PATH", "QUIET_RUN", "Asked", "Option", "options"]
 
 PATH = click.Path(path_type=Path)
 
 
+class Asked(SimpleNamespace):
+    """What a command was called with: its arguments and options, by name."""
+
+    def given(self, name: str) -> bool:
+        """Whether an option stood on the command line."""
+        source = click.get_current_context().get_parameter_source(name)
+        return source is click.core.ParameterSource.COMMANDLINE
+
+
 class Option(NamedTuple):
-    """An option: its argument of the command, what it may be (bool: a flag), text and default."""
+    """An option: its name in :class:`Asked`, what it may be (bool: a flag), text and default."""
 
     name: str
     kind: Any
@@ -27,7 +36,7 @@ class Option(NamedTuple):
     default: Any = None
     required: bool = False
 
-    def __call__(self, command: _Command) -> _Command:
+    def __call__(self, command: Callable[..., None]) -> Callable[..., None]:
         """Add it to a command."""
         more: dict[str, Any] = {"is_flag": True}
         if self.kind is not bool:
@@ -75,12 +84,11 @@ _SHARED = {
     )
 }
 
-
 #: Of commands that run one drive.
 QUIET_RUN = Option("quiet", bool, "Print nothing but errors; --out keeps the warnings.")
 
 
-def options(*rows: str | Option) -> Callable[[_Command], _Command]:
+def options(*rows: str | Option) -> Callable[[Callable[[Asked], None]], Callable[..., None]]:
     """Add options to a command, in this order: rows of its own, and names of shared ones."""
     chosen = [
         option
@@ -88,14 +96,13 @@ def options(*rows: str | Option) -> Callable[[_Command], _Command]:
         for option in ([row] if isinstance(row, Option) else map(_SHARED.__getitem__, row.split()))
     ]
 
-    def decorate(command: _Command) -> _Command:
+    def decorate(function: Callable[[Asked], None]) -> Callable[..., None]:
+        @wraps(function)
+        def command(**arguments: Any) -> None:
+            function(Asked(**arguments))
+
         for option in reversed(chosen):
             command = option(command)
         return command
 
     return decorate
-
-
-def was_given(context: click.Context, name: str) -> bool:
-    """Whether an option stood on the command line."""
-    return context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE

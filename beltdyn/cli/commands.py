@@ -17,16 +17,15 @@ from ..base.run_warnings import silenced
 from ..base.tables import columns
 from ..drive.parts import CHOOSE
 from ..drive.scene import Scene
-from ..explaining import explain
 from ..run.checkpoints import Checkpoint, Fresh
 from ..run.simulation import simulate
 from ..scenes.hard_scenes import SCENES as HARD
 from ..scenes.hard_scenes import HardScene
 from ..verification.quantities import QUANTITIES
-from .command_options import PATH, QUIET_RUN, Option, options, was_given
-from .ending import BAD_INPUT, FAILED, Group, interruptible, reported, stop, warn
-from .printed import check_share, print_result, running, write
-from .written import Outputs, draw_layout, save_figure
+from .command_options import PATH, QUIET_RUN, Asked, Option, options
+from .ending import BAD_INPUT, Group, interruptible, reported, stop
+from .printed import check_share, finish, running
+from .written import check_files, save_figure, write_files
 
 __all__ = ["main"]
 
@@ -104,41 +103,44 @@ def _ends(scene: HardScene) -> str:
     return "" if scene.expects is None else " [ends in an error]"
 
 
-def _find(scene: str, mesh: str | None) -> Scene | HardScene:
+def _find(asked: Asked) -> Scene | HardScene:
     """Return the scene of a name or a file, its belt on another mesh if one is named."""
-    found = scenes.find(scene)
-    if mesh is None:
+    found = scenes.find(asked.scene)
+    if asked.mesh is None:
         return found
     if isinstance(found, HardScene):
         raise ValueError(f"--mesh: hard/{found.name} is of its own mesh")
     belt = found.params.belt
-    n_bodies = None if mesh in CHOOSE else belt.n_bodies
-    belt = attrs.evolve(belt, mesh=mesh, n_bodies=n_bodies)
+    n_bodies = None if asked.mesh in CHOOSE else belt.n_bodies
+    belt = attrs.evolve(belt, mesh=asked.mesh, n_bodies=n_bodies)
     return found._replace(params=attrs.evolve(found.params, belt=belt))
 
 
 @main.command()
 @click.argument("scene")
 @options("mesh", Option("plot", PATH, "Draw the layout here."))
-def show(scene: str, mesh: str | None, plot: Path | None) -> None:
+def show(asked: Asked) -> None:
     """Show the drive of SCENE before anything runs: its data, and the way of the belt.
 
     SCENE is a name from `beltdyn scenes` or a TOML file.
     """
-    outputs = Outputs(None, plot, None, False)
-    outputs.check()
+    check_files(asked)
     with reported():
-        found = _find(scene, mesh)
-    params = found.params
+        found = _find(asked)
     if isinstance(found, HardScene):
         click.echo(f"{found.told}\n")
-    click.echo(f"{params}\n\n{params.route}")
-    if plot is not None:
-        try:
-            draw_layout(params, plot)
-        except OSError as error:
-            stop(f"cannot write {plot}: {error.strerror or error}", FAILED)
-        click.echo(f"written: {plot}")
+    click.echo(f"{found.params}\n\n{found.params.route}")
+
+    def draw(path: Path) -> None:
+        from ..plot import layout
+        from ..plot.style import new_figure
+
+        figure = new_figure()
+        layout(found.params, ax=figure.add_subplot())
+        save_figure(figure, path)
+
+    if written := write_files((asked.plot, draw)):
+        click.echo(f"written: {written}")
 
 
 @main.command()
@@ -162,61 +164,36 @@ def show(scene: str, mesh: str | None, plot: Path | None) -> None:
     "full verbose",
     QUIET_RUN,
 )
-@click.pass_context
-def run(
-    context: click.Context,
-    /,
-    scene: str,
-    mesh: str | None,
-    out: Path | None,
-    plot: Path | None,
-    animate: Path | None,
-    t_end: float | None,
-    verify: bool,
-    error: float | None,
-    quantity: str,
-    budget: float | None,
-    outputs: str | None,
-    last: float,
-    checkpoint: Path | None,
-    checkpoint_every: float,
-    full: bool,
-    verbose: bool,
-    quiet: bool,
-    **of_run: Any,
-) -> None:
+def run(asked: Asked) -> None:
     """Run SCENE, a name from `beltdyn scenes` or a TOML file, and print a report of it.
 
     The report is of the last part of the run: speeds, torques, powers, hub loads and margins to
     slip of the pulleys, tensions of the spans, efficiency, errors; with --full also arcs of
     contact, creep by its causes, where power goes, load cycles.
     """
-    check_share(last)
-    written_to = Outputs(out, plot, animate, quiet, checkpoint)
-    written_to.check()
-    _check_choice(context, error, budget)
-    _check_checkpoint(context, checkpoint, verify, budget)
-    if outputs is not None and (plot is not None or animate is not None):
-        stop("--plot and --animate draw from all outputs: leave --outputs out", BAD_INPUT)
-    names = None if outputs is None else tuple(filter(None, map(str.strip, outputs.split(","))))
+    check_share(asked.last)
+    check_files(asked)
+    _check_together(asked)
+    outputs = asked.outputs
+    if outputs is not None:
+        outputs = tuple(filter(None, map(str.strip, outputs.split(","))))
     suggestion, told = None, None
-    chosen: dict[str, Any] = {**of_run, "budget": budget}
-    with reported("read" if checkpoint is None else "read or write"):
-        if checkpoint is not None:
-            asked = Checkpoint(checkpoint, checkpoint_every)
-            Fresh(asked).close()  # before anything takes long
-            chosen["checkpoint"] = asked
-        found = _find(scene, mesh)
-        if t_end is not None:
-            found = found._replace(t_end=t_end)
+    chosen = {name: getattr(asked, name) for name in (*BY_BUDGET, "budget")}
+    with reported("read" if asked.checkpoint is None else "read or write"):
+        if asked.checkpoint is not None:
+            chosen["checkpoint"] = Checkpoint(asked.checkpoint, asked.checkpoint_every)
+            Fresh(chosen["checkpoint"]).close()  # before anything takes long
+        found = _find(asked)
+        if asked.t_end is not None:
+            found = found._replace(t_end=asked.t_end)
         if isinstance(found, HardScene):
             told = found
-            chosen |= _of_hard(context, found, error, budget)
-        with running(written_to, checkpoint, lambda: found.params, told):
+            chosen |= _of_hard(asked, found)
+        with running(asked, asked.checkpoint, lambda: found.params, told):
             if isinstance(found, HardScene):
                 chosen["initial"] = found.initial()
-            if error is not None:
-                suggestion = accuracy.suggest(found, error, quantity)
+            if asked.error is not None:
+                suggestion = accuracy.suggest(found, asked.error, asked.quantity)
                 found = suggestion.scene
                 chosen |= suggestion.options
             result = simulate(
@@ -224,22 +201,19 @@ def run(
                 found.torque_fn,
                 found.t_end,
                 motion=found.motion,
-                progress=not quiet,
-                verify=verify,
-                outputs=names,
+                progress=not asked.quiet,
+                verify=asked.verify,
+                outputs=outputs,
                 **chosen,
             )
-    written = write(written_to, result, checkpoint)
-    if not quiet:
-        if suggestion is not None:
-            click.echo(f"{suggestion}\n")
-        if budget is not None:
-            click.echo(f"{fill('Chosen for' + result.message.partition('; chosen for')[2], 88)}.\n")
-        print_result(scene, result, last, written, full=full, verbose=verbose)
-        if told is not None:
-            off = told.deviation(result) if outputs is None and suggestion is None else None
-            click.echo(f"\n{told.told}{_kept(off)}")
-    warn(result.warnings, quiet)
+    before = "" if suggestion is None else f"{suggestion}\n\n"
+    if asked.budget is not None:
+        before = f"{fill('Chosen for' + result.message.partition('; chosen for')[2], 88)}.\n\n"
+    after = ""
+    if told is not None and not asked.quiet:
+        off = told.deviation(result) if outputs is None and suggestion is None else None
+        after = f"\n{told.told}{_kept(off)}\n"
+    finish(asked, asked.scene, result, asked.checkpoint, before, after)
 
 
 def _kept(off: float | None) -> str:
@@ -252,42 +226,41 @@ def _kept(off: float | None) -> str:
     return f"\nkept     {reached if off > 0.999 else f'deviation {off:.2g} of what is allowed'}"
 
 
-def _of_hard(
-    context: click.Context, scene: HardScene, error: float | None, budget: float | None
-) -> dict[str, Any]:
+def _of_hard(asked: Asked, scene: HardScene) -> dict[str, Any]:
     """Return the options of a hard scene that the command line leaves open."""
-    if scene.starts and (error is not None or budget is not None):
+    if scene.starts and (asked.error is not None or asked.budget is not None):
         stop(
             f"hard/{scene.name} begins in a state of its own mesh: leave --error and --budget out",
             BAD_INPUT,
         )
-    return {name: value for name, value in scene.options.items() if not was_given(context, name)}
+    return {name: value for name, value in scene.options.items() if not asked.given(name)}
 
 
-def _check_choice(context: click.Context, error: float | None, budget: float | None) -> None:
-    """Stop if what --error or --budget chooses is given as well, or nothing to choose by."""
-    if error is None and was_given(context, "quantity"):
-        stop("--quantity is what --error is the error of: give both, or neither", BAD_INPUT)
-    for option, value in (("--error", error), ("--budget", budget)):
-        if value is None:
-            continue
-        others = [*BY_BUDGET] + (["verify", "error"] if option == "--budget" else [])
-        for name in others:
-            if was_given(context, name):
-                stop(f"{option} and --{name} must not be given together", BAD_INPUT)
-
-
-def _check_checkpoint(
-    context: click.Context, checkpoint: Path | None, verify: bool, budget: float | None
-) -> None:
-    """Stop if --checkpoint cannot be had, or --checkpoint-every is alone."""
-    if checkpoint is None:
-        if was_given(context, "checkpoint_every"):
-            stop("--checkpoint-every is how often --checkpoint is written: give both", BAD_INPUT)
-        return
-    for option, given in (("--verify", verify), ("--budget", budget is not None)):
-        if given:
-            stop(f"--checkpoint is of one run, {option} makes several: leave one out", BAD_INPUT)
+def _check_together(asked: Asked) -> None:
+    """Stop if an option is without the one it belongs to, or with one that leaves it no room."""
+    for one, other, what in (
+        ("quantity", "error", "what --error is the error of"),
+        ("checkpoint_every", "checkpoint", "how often --checkpoint is written"),
+    ):
+        if asked.given(one) and getattr(asked, other) is None:
+            stop(f"--{one.replace('_', '-')} is {what}: give both, or neither", BAD_INPUT)
+    for one, others, message in (
+        ("error", BY_BUDGET, "--error and --{} must not be given together"),
+        ("budget", (*BY_BUDGET, "verify", "error"), "--budget and --{} must not be given together"),
+        (
+            "checkpoint",
+            ("verify", "budget"),
+            "--checkpoint is of one run, --{} makes several: leave one out",
+        ),
+        (
+            "outputs",
+            ("plot", "animate"),
+            "--plot and --animate draw from all outputs: leave --outputs out",
+        ),
+    ):
+        for other in others:
+            if getattr(asked, one) is not None and asked.given(other):
+                stop(message.format(other), BAD_INPUT)
 
 
 @main.command("accuracy")
@@ -304,51 +277,34 @@ def _check_checkpoint(
     Option("quick", bool, "Fewer meshes and tolerances, the beginning of long runs."),
     "quiet",
 )
-def study_accuracy(
-    scene: str,
-    mesh: str | None,
-    quantity: str,
-    error: float,
-    out: Path | None,
-    plot: Path | None,
-    store: Path | None,
-    quick: bool,
-    quiet: bool,
-) -> None:
+def study_accuracy(asked: Asked) -> None:
     """Measure what accuracy costs: SCENE by method, tolerance and number of links or cells.
 
     SCENE is a name from `beltdyn scenes` or a TOML file. The paper's case 1 takes some minutes on
     two processors, finer and longer scenes more; with --quick any takes 10 to 30 s of CPU time.
     """
-    outputs = Outputs(out, plot, None, quiet, endings=(".csv",))
-    outputs.check()
-    kept = "" if store is None else f"; finished runs are in {store}"
+    check_files(asked, (".csv",))
+    kept = "" if asked.store is None else f"; finished runs are in {asked.store}"
     with reported("read or write", kept):
-        found = _find(scene, mesh)
+        found = _find(asked)
         chosen: dict[str, Any] = {}
+        text = ""
         with interruptible(), silenced():
-            if quick:
+            if asked.quick:
                 whole = found.t_end
                 found, chosen = accuracy.quick(found)
-            study = accuracy.study(found, store=store, progress=not quiet, **chosen)
-        text = f"{study}\n\n{study.table(quantity)}"
-        if quick and found.t_end < whole:
-            text = f"Of the first {found.t_end:.3g} of {whole:.3g} s only.\n{text}"
-        figure = None if plot is None else study.plot(quantity, error=error)
-    written = []
-    try:
-        if out is not None:
-            study.to_csv(out)
-            written.append(str(out))
-        if plot is not None and figure is not None:
-            save_figure(figure, plot)
-            written.append(str(plot))
-    except OSError as failure:
-        stop(f"cannot write {failure.filename}: {failure.strerror}", FAILED)
-    if not quiet:
+                if found.t_end < whole:
+                    text = f"Of the first {found.t_end:.3g} of {whole:.3g} s only.\n"
+            study = accuracy.study(found, store=asked.store, progress=not asked.quiet, **chosen)
+        text += f"{study}\n\n{study.table(asked.quantity)}"
+        figure = asked.plot and study.plot(asked.quantity, error=asked.error)
+    written = write_files(
+        (asked.out, study.to_csv), (asked.plot, lambda path: save_figure(figure, path))
+    )
+    if not asked.quiet:
         click.echo(text)
         if written:
-            click.echo(f"written: {', '.join(written)}")
+            click.echo(f"written: {written}")
 
 
 @main.command("explain")
@@ -359,25 +315,25 @@ def study_accuracy(
     Option("budget", float, "CPU time for it, about [s].", 30.0),
     "method t_end",
 )
-def explain_scene(
-    scene: str, mesh: str | None, error: float, budget: float, method: str, t_end: float | None
-) -> None:
+def explain_scene(asked: Asked) -> None:
     """Show which effects SCENE simulates, what calls for them, what they cost and change.
 
     SCENE is a name from `beltdyn scenes` or a TOML file. Lists the effects that are on and off, the
     size of the state by part, the passes of a step with their times on this machine, what leaving
     out one effect at a time changes, and which may be left out at the error asked for.
     """
+    from ..explaining import explain  # which other commands, and help, do not need
+
     with reported():
-        found = _find(scene, mesh)
+        found = _find(asked)
         with interruptible():
             explanation = explain(
                 found.params,
                 found.torque_fn,
-                found.t_end if t_end is None else t_end,
+                found.t_end if asked.t_end is None else asked.t_end,
                 found.motion,
-                error=error,
-                budget=budget,
-                method=method,
+                error=asked.error,
+                budget=asked.budget,
+                method=asked.method,
             )
     click.echo(str(explanation))

@@ -95,7 +95,10 @@ class Group(click.Group):
         except click.ClickException as error:
             context = error.ctx if isinstance(error, click.UsageError) else None
             hint = f" (try: {context.command_path} --help)" if context else ""
-            stop(f"{error.format_message()}{hint}", BAD_INPUT)
+            text = error.format_message()
+            if likely := getattr(error, "possibilities", None):  # in the order of their likeness
+                text = f"{error.message} (did you mean {likely[0]!r}?)"
+            stop(f"{text}{hint}", BAD_INPUT)
         except click.Abort:
             stop("interrupted", INTERRUPTED)
         except MemoryError as error:

@@ -11,7 +11,7 @@ import click
 from ..base import files
 from ..base.run_warnings import RunWarning, distinct, silenced
 from ..result.errors import SimulationError
-from .command_options import PATH, Option, options
+from .command_options import PATH, Asked, Option, options
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
 from .written import figure_kinds, need_matplotlib
 
@@ -30,17 +30,18 @@ __all__ = ["draw_figures"]
     ),
     "quiet",
 )
-def draw_figures(out: Path, format: str, size: str, quiet: bool) -> None:
+def draw_figures(asked: Asked) -> None:
     """Draw the paper's figures 5 to 19 from new runs, and the table of its numbers beside ours.
 
     Writes fig-05.png, fig-05.pdf and so on, and table.txt.
     """
+    out = asked.out
     try:
         _check_folder(out)
     except OSError as error:
         stop(f"cannot write to {out}: {error.strerror}", BAD_INPUT)
     need_matplotlib("beltdyn figures")
-    kinds = [kind.strip().lower().removeprefix(".") for kind in format.split(",")]
+    kinds = [kind.strip().lower().removeprefix(".") for kind in asked.format.split(",")]
     known = figure_kinds()
     for kind in kinds:
         if kind not in known:
@@ -48,9 +49,7 @@ def draw_figures(out: Path, format: str, size: str, quiet: bool) -> None:
     written: list[Path] = []
     try:
         with interruptible():
-            comparison, noticed = _write_figures(
-                out, list(dict.fromkeys(kinds)), size, quiet, written
-            )
+            comparison, noticed = _write_figures(asked, list(dict.fromkeys(kinds)), written)
     except SimulationError as error:
         stop(str(error), FAILED)
     except OSError as error:
@@ -58,35 +57,35 @@ def draw_figures(out: Path, format: str, size: str, quiet: bool) -> None:
     except KeyboardInterrupt as error:
         so_far = f"; {len(written)} files written to {out}" if written else ""
         stop(f"{str(error) or 'interrupted'}{so_far}", INTERRUPTED)
-    if not quiet:
+    if not asked.quiet:
         click.echo(comparison)
         click.echo(f"written: {len(written)} files in {out}")
-    warn(noticed, quiet)
+    warn(noticed, asked.quiet)
 
 
 def _write_figures(
-    folder: Path, kinds: list[str], size: str, quiet: bool, written: list[Path]
+    asked: Asked, kinds: list[str], written: list[Path]
 ) -> tuple[str, list[RunWarning]]:
     import beltdyn_kubas
     from beltdyn_kubas.figures import FIGURES
 
     with silenced():
-        runs = beltdyn_kubas.runs(progress=not quiet)
+        runs = beltdyn_kubas.runs(progress=not asked.quiet)
     comparison = str(beltdyn_kubas.compare(runs))
-    folder.mkdir(exist_ok=True)
+    asked.out.mkdir(exist_ok=True)
 
     def write(name: str, content: bytes) -> None:
-        path = folder / name
+        path = asked.out / name
         files.write_bytes(path, content)
         written.append(path)
 
     write("table.txt", f"{comparison}\n".encode())
-    hidden = quiet or not sys.stderr.isatty()
+    hidden = asked.quiet or not sys.stderr.isatty()
     with click.progressbar(
         FIGURES.values(), label="drawing", file=sys.stderr, hidden=hidden
     ) as figures:
         for figure in figures:
-            drawn = figure(runs, size=size)
+            drawn = figure(runs, size=asked.size)
             for kind in kinds:
                 picture = io.BytesIO()
                 drawn.savefig(picture, format=kind)

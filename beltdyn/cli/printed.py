@@ -14,14 +14,14 @@ from ..base.run_warnings import silenced
 from ..base.tables import framed
 from ..drive import sanity
 from ..drive.params import Params
-from ..outputs.accuracy_report import Accuracy
 from ..result.errors import Interrupted, SimulationError
 from ..result.result import Result
 from ..scenes.hard_scenes import HardScene
+from .command_options import Asked
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
-from .written import Outputs
+from .written import write_result
 
-__all__ = ["check_share", "print_result", "running", "write"]
+__all__ = ["check_share", "finish", "running"]
 
 
 def check_share(last: float) -> None:
@@ -38,9 +38,9 @@ def _hint(checkpoint: Path | None) -> str:
 
 @contextmanager
 def running(
-    outputs: Outputs,
+    asked: Asked,
     checkpoint: Path | None,
-    drive: Callable[[], Params] | None,
+    drive: Callable[[], Params] | None = None,
     scene: HardScene | None = None,
 ) -> Iterator[None]:
     """Make a run interruptible; if it does not finish, write its results so far and stop."""
@@ -49,14 +49,14 @@ def running(
             yield
     except (SimulationError, Interrupted) as ended:
         failed = isinstance(ended, SimulationError)
-        written = outputs.write(ended.result)
+        written = write_result(asked, ended.result)
         if ended.result:
-            warn(ended.result.warnings, outputs.quiet)
+            warn(ended.result.warnings, asked.quiet)
         elif failed and drive is not None:
-            warn(sanity.check(drive()), outputs.quiet)
+            warn(sanity.check(drive()), asked.quiet)
         if isinstance(ended, SimulationError) and scene and ended.symbol == scene.expects:
             click.echo(f"{ended}{written}")
-            if not outputs.quiet:
+            if not asked.quiet:
                 click.echo(f"\n{scene.told}\nkept     it ends in {ended.symbol}, as it must")
             sys.exit(0)
         if failed:
@@ -65,39 +65,40 @@ def running(
         stop(f"{ended}{written}{hint}", INTERRUPTED)
 
 
-def write(outputs: Outputs, result: Result, checkpoint: Path | None) -> str:
-    """Write the files of a run that finished; return a line that lists them."""
+def finish(
+    asked: Asked,
+    title: object,
+    result: Result,
+    checkpoint: Path | None,
+    before: str = "",
+    after: str = "",
+) -> None:
+    """Write the files of a run that finished; print how it went, its report, its warnings."""
     try:
         with interruptible():
-            return outputs.write(result)
+            written = write_result(asked, result)
     except KeyboardInterrupt:
         stop(f"interrupted while the result was written{_hint(checkpoint)}", INTERRUPTED)
-
-
-def _print_accuracy(report: Accuracy) -> None:
-    """Print the errors that ``verify`` has measured."""
-    heading, *rows = report.table()
-    framed("estimated errors", rows, heading)
-    for remark in report.remarks():
-        click.echo(f"  {remark}")
-
-
-def print_result(
-    scene: str, result: Result, last: float, written: str, *, full: bool, verbose: bool
-) -> None:
-    """Print what was written, how the run went, and the report of its last part."""
-    report = None
+    if asked.quiet:
+        return
+    click.echo(before, nl=False)
     try:
-        report = result.report(last)
+        report = result.report(asked.last)
+        text = report.text(full=asked.full)
     except ValueError as error:
-        missing = f"no report: {error}"
-    if full or verbose or report is None:
-        framed(scene, result.summary(verbose))
+        report, text = None, f"no report: {error}"
+    if asked.full or asked.verbose or report is None:
+        framed(str(title), result.summary(asked.verbose))
     else:
         end, cost = result.final_state.t, result.stats.cpu_time
-        click.echo(f"{scene}: {result.status}, {end:.6g} s in {cost:.3g} s of CPU time")
+        click.echo(f"{title}: {result.status}, {end:.6g} s in {cost:.3g} s of CPU time")
     if written:
         click.echo(written.strip())
     if result.accuracy.verified:
-        _print_accuracy(result.accuracy)
-    click.echo(missing if report is None else report.text(full=full))
+        heading, *rows = result.accuracy.table()
+        framed("estimated errors", rows, heading)
+        for remark in result.accuracy.remarks():
+            click.echo(f"  {remark}")
+    click.echo(text)
+    click.echo(after, nl=False)
+    warn(result.warnings, asked.quiet)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -16,11 +15,12 @@ from ..base.run_warnings import silenced
 from ..base.tables import columns, framed
 from ..many.outcome import STATUSES
 from ..result.exported import write_netcdf
-from ..sweeping import file as sweep_file
-from ..sweeping.sweep import SweepInterrupted, Swept, run_sweep
-from .command_options import PATH, Option, options
+from .command_options import PATH, Asked, Option, options
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, reported, stop
-from .written import check_out, check_writable
+from .written import check_files, write_files
+
+if TYPE_CHECKING:
+    from ..sweeping.sweep import Swept
 
 __all__ = ["sweep_scene"]
 
@@ -40,14 +40,7 @@ _FEW, _COLUMNS = 12, 8
     Option("store", PATH, "Folder that keeps finished runs; else OUT.runs, until all are done."),
     "quiet",
 )
-def sweep_scene(
-    file: Path,
-    out: Path,
-    workers: int | None,
-    scheduler: str | None,
-    store: Path | None,
-    quiet: bool,
-) -> None:
+def sweep_scene(asked: Asked) -> None:
     """Run a scene many times with parameters, loads or options changed, as FILE says.
 
     FILE is TOML: `scene`, a name from `beltdyn scenes`, a file, or a table; `measure`, names of
@@ -56,38 +49,47 @@ def sweep_scene(
     Writes a netCDF file; Python reads it by xarray.open_dataset. Finished runs are kept as they
     come: after Ctrl-C or a kill the same command goes on where it was.
     """
-    if workers is not None and scheduler is not None:
+    from ..sweeping import file as sweep_file  # which other commands, and help, do not need
+    from ..sweeping.sweep import SweepInterrupted, run_sweep
+
+    if asked.workers is not None and asked.scheduler is not None:
         stop("--workers and --scheduler must not be given together", BAD_INPUT)
-    if workers is not None and workers < 1:
-        stop(f"--workers must be at least 1, got {workers}", BAD_INPUT)
-    check_writable(out)
-    check_out(out, (".nc",))
-    folder = store or out.with_name(f"{out.name}.runs")
+    if asked.workers is not None and asked.workers < 1:
+        stop(f"--workers must be at least 1, got {asked.workers}", BAD_INPUT)
+    check_files(asked, (".nc",))
+
+    def write(dataset: Any) -> None:
+        try:
+            write_files((asked.out, lambda path: write_netcdf(dataset, path)))
+        except ValueError as error:
+            stop(f"cannot write {asked.out}: {error}", FAILED)
+
+    folder = asked.store or asked.out.with_name(f"{asked.out.name}.runs")
     begun = time.monotonic()
     with reported("read or write"):
         try:
-            given = sweep_file.read(file)
+            given = sweep_file.read(asked.file)
             with interruptible(), silenced():
                 swept = run_sweep(
                     given.scene,
                     given.over,
                     given.measure,
-                    executor=_executor(workers, scheduler),
+                    executor=_executor(asked.workers, asked.scheduler),
                     store=folder,
-                    progress=not quiet,
+                    progress=not asked.quiet,
                     **given.arguments,
                 )
         except SweepInterrupted as error:
-            _write(error.dataset, out)
-            stop(f"{error}; written: {out}; go on with the same command", INTERRUPTED)
+            write(error.dataset)
+            stop(f"{error}; written: {asked.out}; go on with the same command", INTERRUPTED)
         except (ImportError, RuntimeError) as error:
             stop(f"{error}", FAILED)
-    _write(swept.dataset, out)
-    if store is None:
+    write(swept.dataset)
+    if asked.store is None:
         shutil.rmtree(folder, ignore_errors=True)
-    if not quiet:
+    if not asked.quiet:
         _print(swept, time.monotonic() - begun)
-        click.echo(f"written: {out}")
+        click.echo(f"written: {asked.out}")
     if not swept.counts.get("finished", 0):
         stop("no run finished; message in the file tells why of each", FAILED)
 
@@ -100,13 +102,6 @@ def _executor(workers: int | None, scheduler: str | None) -> Any:
         return distributed.Client(scheduler, timeout=10)
     except (OSError, ValueError) as error:
         stop(f"--scheduler {scheduler}: {error}", FAILED)
-
-
-def _write(dataset: Any, out: Path) -> None:
-    try:
-        write_netcdf(dataset, out)
-    except (OSError, ValueError) as error:
-        stop(f"cannot write {out}: {getattr(error, 'strerror', None) or error}", FAILED)
 
 
 def _rows(data: Any, name: str) -> Iterator[tuple[str, Any]]:

@@ -15,7 +15,9 @@ import attrs
 from ..base.checks import close_to
 from ..base.naming import index_of
 from .params import Params
+from .parts import Belt, Contact, Pulley
 from .rules import Rule
+from .tensioning import Tensioning
 
 
 class PulleyName(str):
@@ -27,6 +29,8 @@ class PulleyName(str):
 #: A field, an index, "*" for every index, or the name of a pulley.
 Path: TypeAlias = "tuple[str | int, ...]"
 
+#: The classes of what every drive has.
+_PARTS = {"belt": Belt, "contact": Contact, "pulleys": Pulley, "tensioning": Tensioning}
 _STEP = re.compile(r"(?:^|\.)([A-Za-z]\w*)|\[([^\[\]]+)\]")
 
 
@@ -48,6 +52,15 @@ def parse(name: object) -> Path:
     if at < len(name) or not steps:
         raise ValueError(f'a parameter is named like "pulleys[1].inertia", got {name!r}')
     return tuple(steps)
+
+
+def check_name(name: object) -> None:
+    """Check a name as far as one needs no drive for it: which laws and mounts it has is open."""
+    steps = [step for step in parse(name) if type(step) is str and step != "*"]
+    for kind, field in zip((Params, _PARTS.get(steps[0]) if steps else None), steps, strict=False):
+        if kind is not None and field not in fields(kind):
+            known = [str(name).replace(field, one) for one in fields(kind)]
+            raise ValueError(f"no parameter is called {name!r}{close_to(str(name), known)}")
 
 
 def with_indices(path: Path, pulleys: Sequence[str]) -> Path:

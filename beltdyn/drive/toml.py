@@ -65,7 +65,7 @@ SCENE_ONLY = ("t_end", "torque")
 
 Source = str | os.PathLike[str]
 
-
+_ARRAY = "must be an array of tables"
 _PLAIN = (
     Array,
     tuple[float, ...],
@@ -133,7 +133,7 @@ def _converter() -> Any:
 
     def list_of(value: Any, kind: Any) -> Any:
         if not isinstance(value, list):
-            raise ValueError("must be an array of tables, [[...]]")
+            raise ValueError(_ARRAY)
         element: Any = get_args(kind)[0]
         return converter.structure(value, cast(Any, list[element]))
 
@@ -201,7 +201,12 @@ def _explain(error: BaseException, path: str) -> str:
     own = re.match(r"[A-Za-z_]+\.(?=\w)", message)
     if not path:
         return message
-    return _join(path, message[own.end() :]) if own else f"{path}: {message}"
+    if own:
+        return _join(path, message[own.end() :])
+    if message == _ARRAY:
+        name = re.sub(r"\[.*?\]", "", path)
+        message = f"{message}, [[{name}]]"
+    return f"{path}: {message}"
 
 
 def structure(value: Any, kind: Any, path: str = "") -> Any:

@@ -10,6 +10,7 @@ import numpy as np
 
 from .. import _core
 from ..base.checks import flag, one_of, positive
+from ..base.described import suggesting
 from ..base.naming import ByPulley
 from ..base.rounding import plain
 from ..base.run_warnings import silenced
@@ -106,6 +107,7 @@ class Explanation:
         return f"Explanation({on} effects on, method {self.step.method!r})"
 
 
+@suggesting
 def explain(
     params: Params,
     torque_fn: TorqueLike,

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..base.checks import Array, close_to, positive, real_array, refuse_masked, sample_times
 from ..base.naming import ByPulley
-from ..drive.parameters import assign, parse, path_in
+from ..drive.parameters import assign, check_name, path_in
 from ..drive.params import Params
 from ..drive.scene import Scene, first_speeds
 from ..loads.motions import MotionLike
@@ -116,7 +116,7 @@ class Experiment:
 
     def __attrs_post_init__(self) -> None:
         for name in self.changes:
-            parse(name)
+            check_name(name)
         if not (self.initial is None or isinstance(self.initial, State) or callable(self.initial)):
             raise TypeError(
                 "Experiment.initial must be a State, a function of the parameters or None, "

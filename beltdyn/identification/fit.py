@@ -11,6 +11,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, flag, integer
+from ..base.described import suggesting
 from ..base.progress import counted
 from ..base.run_warnings import distinct, issue
 from ..drive.params import Params
@@ -39,6 +40,7 @@ _PROBES = (1.0, 2.0, 6.0, 20.0)
 _BETTER = 0.1
 
 
+@suggesting
 def identify(
     params: Params,
     free: Sequence[Free | str],
@@ -175,7 +177,7 @@ def identify(
             found = search.report(False, stopped, None, stopped)
             raise IdentificationInterrupted(stopped, found) from error
         found = search.report(success, message, shift, note)
-    issue(distinct(run.warnings for run in found.results.values()), stacklevel=2)
+    issue(distinct(run.warnings for run in found.results.values()))
     return found
 
 

@@ -9,7 +9,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, close_to, real
-from ..drive.parameters import assign, numbers, overlap, parse, path_in, read, rule_of
+from ..drive.parameters import assign, check_name, numbers, overlap, path_in, read, rule_of
 from ..drive.params import Params
 
 __all__ = ["Free", "Parameter", "place", "resolve"]
@@ -52,7 +52,7 @@ class Free:
         if not isinstance(self.name, str):
             raise TypeError(f"Free.name must be a str, got {self.name!r}")
         if self.set is None:
-            parse(self.name)
+            check_name(self.name)
         elif not callable(self.set):
             raise TypeError(f"Free.set must be callable, got {self.set!r}")
         elif self.start is None:

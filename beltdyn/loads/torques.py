@@ -106,9 +106,17 @@ class Torque:
         return f"{type(self).__name__}({given})"
 
     def __add__(self, other: object) -> TorqueSum:
-        if not isinstance(other, Torque):
-            return NotImplemented
-        return TorqueSum([*_parts(self), *_parts(other)])
+        if isinstance(other, Torque):
+            return TorqueSum([*_parts(self), *_parts(other)])
+        if callable(other):
+            raise TypeError(
+                "a function cannot be added to a torque object: give a function that returns the "
+                "sum, such as lambda t, theta, omega: torque(t, theta, omega) + function(t, theta, "
+                "omega)"
+            )
+        return NotImplemented
+
+    __radd__ = __add__
 
     #: The fields in proportion to which the torque is.
     _in_proportion: ClassVar[tuple[str, ...]] = ()

@@ -7,6 +7,7 @@ import os
 import attrs
 
 from ..base.checks import flag
+from ..base.described import suggesting
 from ..base.naming import ByPulley
 from ..loads.motions import MotionLike
 from ..loads.torques import TorqueLike
@@ -17,6 +18,7 @@ from .run import once
 __all__ = ["resume"]
 
 
+@suggesting
 def resume(
     path: str | os.PathLike[str],
     torque_fn: TorqueLike | None = None,

@@ -52,7 +52,7 @@ def once(
     run = Run(scene, options, **others)
     finished = run.advance(watch)
     try:
-        issue(finished.warnings[len(run.of_drive) :], stacklevel=3)
+        issue(finished.warnings[len(run.of_drive) :])
     except Warning as error:  # a warning filter has turned it into an error
         _keep_result(error, finished)
         raise
@@ -100,9 +100,9 @@ class Run:
         # Before settling, which may take long, and may fail for the very reason they name.
         self.of_drive = tuple(one for one in params._noticed if one.code != "mesh")
         for one in params._noticed:  # of its mesh a run knows more, and warns at its end
-            if one.code == "mesh" and expected is None and is_error(one, stacklevel=4):
-                issue([one], stacklevel=4)
-        issue(self.of_drive, stacklevel=4)
+            if one.code == "mesh" and expected is None and is_error(one):
+                issue([one])
+        issue(self.of_drive)
         settle_time = 0.0
         if initial is None:
             begun = time.perf_counter()

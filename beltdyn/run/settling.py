@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from .. import _core
 from ..base.checks import flag, positive
+from ..base.described import suggesting
 from ..base.naming import ByPulley
 from ..base.progress import over_time
 from ..base.stopping import stoppable
@@ -25,6 +26,7 @@ __all__ = ["CHUNK", "check_initial", "check_params", "positive_or_none", "settle
 CHUNK = 0.1
 
 
+@suggesting
 def settle(
     params: Params,
     *,

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.checks import Array, flag, positive, sample_times
+from ..base.described import suggesting
 from ..base.naming import ByPulley
 from ..base.run_options import BY_BUDGET, METHODS, USUAL, Options
 from ..base.run_warnings import issue
@@ -39,6 +40,7 @@ __all__ = ["METHODS", "settle", "simulate"]
 _DEFAULT_SAMPLES = 1001
 
 
+@suggesting
 def simulate(
     params: Params,
     torque_fn: TorqueLike,
@@ -228,7 +230,7 @@ def simulate(
         options = attrs.evolve(options, method=plan.method, rtol=plan.rtol)
         result = once(scene._replace(params=plan.params), options, **asked)[0]
         result, noticed = plan.judge(result, time.thread_time() - begun)
-        issue(noticed, stacklevel=2)
+        issue(noticed)
         return result
     asked["initial"] = initial
     if checkpoint is not None:

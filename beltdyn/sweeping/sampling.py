@@ -9,6 +9,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, flag, integer, one_of, pair, shown
+from ..base.described import suggesting
 from ..base.optional import optional_module
 from ..base.tables import columns
 
@@ -66,6 +67,7 @@ class Samples:
         return []
 
 
+@suggesting
 def sample(
     ranges: Mapping[str, object],
     n: int,

@@ -12,6 +12,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, close_to, integer, real, shown
+from ..base.described import suggesting
 from ..base.optional import optional_module
 from ..base.tables import columns
 from .estimators import CONSTANT, Design, Indices, estimated
@@ -132,6 +133,7 @@ class Sensitivity:
         return "\n".join([head, *lines, *(f"  {one}" for one in self.notes)])
 
 
+@suggesting
 def sensitivity(
     dataset: Any,
     quantity: str | None = None,

@@ -8,9 +8,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..base.checks import Array, flag, integer, positive
+from ..base.described import suggesting
 from ..base.naming import ByPulley, by_index
 from ..base.rounding import percent
-from ..base.run_warnings import BeltdynWarning
+from ..base.run_warnings import BeltdynWarning, caller
 from ..drive.params import Params
 from ..loads.torques import TorqueLike
 from ..outputs.state import State
@@ -44,6 +45,7 @@ STEADY, MORE, ALIKE = 0.5, 3, 0.3
 SPARE = 4
 
 
+@suggesting
 def modes(
     params: Params,
     state: State,
@@ -315,4 +317,4 @@ def _shapes(linear: Linear, found: Found, values: Complex) -> Shapes:
 
 
 def _warn(message: str) -> None:
-    warnings.warn(message, BeltdynWarning, stacklevel=4)
+    warnings.warn(message, BeltdynWarning, stacklevel=caller()[0])

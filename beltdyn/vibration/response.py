@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.checks import Array, integer, real_array, shown
+from ..base.described import suggesting
 from ..base.naming import ByPulley, PulleyLike, by_index, key
 from ..base.run_warnings import BeltdynWarning
 from ..drive.params import Params
@@ -97,6 +98,7 @@ class FrequencyResponse:
         return "\n".join(rows)
 
 
+@suggesting
 def frequency_response(
     params: Params,
     state: State,

@@ -556,6 +556,7 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
     twice = [experiment.curve("slip[1]", [0.01], [0.0], sigma=1.0) for _ in range(2)]
     rows: list[tuple[dict[str, Any], type[Exception], str]] = [
         ({"free": ["belt.axial_stifness"]}, ValueError, "did you mean 'belt.axial_stiffness'"),
+        ({"free": ["friction.mu_kk"]}, ValueError, "did you mean 'friction.mu_k'"),
         ({"free": ["pulleys[2].inertia"]}, ValueError, r"pulleys has 2 entries"),
         ({"free": ["belt.n_bodies"]}, ValueError, "cannot be free: it is not a real number"),
         ({"free": ["tensioning.offset[1][0]"]}, ValueError, "tensioning.offset has 0 entries"),
@@ -619,6 +620,7 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
         (lambda: bd.Experiment(TORQUE, 1.0, options={"motion": {}}), ValueError, "has no 'motion'"),
         (lambda: bd.Experiment(TORQUE, 1.0, settling={"frictn": 1}), ValueError, "mean 'friction'"),
         (lambda: bd.Experiment(TORQUE, 1.0, changes={"a b": 1}), ValueError, "is named like"),
+        (lambda: bd.Experiment(TORQUE, 1.0, changes={"belt.lenght": 1}), ValueError, "belt.length"),
         (lambda: bd.Experiment(TORQUE, 1.0, options=[1]), TypeError, "must be mappings"),
         (lambda: bd.Experiment(TORQUE, 1.0, initial=3), TypeError, "initial must be"),
         (curve(quantity="pulleys.omga[0]"), ValueError, "mean 'pulleys.omega'"),
