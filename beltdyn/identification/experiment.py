@@ -28,6 +28,7 @@ __all__ = ["Experiment", "Read", "Target"]
 #: Gets numbers from a run.
 Read: TypeAlias = "Callable[[Result], ArrayLike]"
 
+_MOST_DIMENSIONS = 64  #: of NumPy
 _QUANTITY = re.compile(r"([a-z_.]+)(?:\[(\d+)\])?")
 
 
@@ -47,18 +48,6 @@ _QUANTITIES = [
     "span_tension",
     "slip",
 ]
-
-
-def _mapping(known: set[str] | None) -> Callable[[Any, attrs.Attribute[Any], Any], None]:
-    def check(_self: Any, field: attrs.Attribute[Any], value: Any) -> None:
-        for key in value:
-            if known is not None and key not in known:
-                raise ValueError(
-                    f"Experiment.{field.name} has no {key!r}{close_to(str(key), known)}: "
-                    f"it takes {', '.join(sorted(known))}"
-                )
-
-    return check
 
 
 def _dict(value: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -101,20 +90,21 @@ class Experiment:
 
     torque_fn: TorqueLike
     t_end: float = attrs.field(converter=_t_end)
-    settling: dict[str, Any] = attrs.field(
-        default=None, converter=_dict, validator=_mapping(_SETTLING), kw_only=True
-    )
+    settling: dict[str, Any] = attrs.field(default=None, converter=_dict, kw_only=True)
     motion: ByPulley[MotionLike] | None = attrs.field(default=None, kw_only=True)
-    changes: dict[str, Any] = attrs.field(
-        default=None, converter=_dict, validator=_mapping(None), kw_only=True
-    )
+    changes: dict[str, Any] = attrs.field(default=None, converter=_dict, kw_only=True)
     initial: State | Callable[[Params], State] | None = attrs.field(default=None, kw_only=True)
-    options: dict[str, Any] = attrs.field(
-        default=None, converter=_dict, validator=_mapping(_OPTIONS), kw_only=True
-    )
+    options: dict[str, Any] = attrs.field(default=None, converter=_dict, kw_only=True)
     name: str | None = attrs.field(default=None, kw_only=True)
 
     def __attrs_post_init__(self) -> None:
+        for field, known in (("settling", _SETTLING), ("options", _OPTIONS)):
+            for key in getattr(self, field):
+                if key not in known:
+                    raise ValueError(
+                        f"Experiment.{field} has no {key!r}{close_to(str(key), known)}: "
+                        f"it takes {', '.join(sorted(known))}"
+                    )
         for name in self.changes:
             check_name(name)
         if not (self.initial is None or isinstance(self.initial, State) or callable(self.initial)):
@@ -184,27 +174,16 @@ class Experiment:
         Raises:
             TypeError, ValueError: An argument breaks its rule.
         """
-        label = f"target {name or quantity!r}" if isinstance(quantity, str) or name else "target"
-        times = _times(f"{label}: t", t, self)
-        refuse_masked(f"{label}: values", values)
-        array = np.asarray(values)
-        measured = real_array(f"{label}: values", values, ndim=2 if array.ndim == 2 else 1)
-        if measured.shape[0] != times.size:
+        read = _reader(quantity)
+        name = name or (quantity if isinstance(quantity, str) else _name_of(read))
+        measured = real_array(f"target {name!r}: values", values, ndim=1, most=2)
+        target = self._target(read, t, measured, sigma, name=name, parts=None, is_curve=True)
+        if measured.shape[0] != target.t.size:
             raise ValueError(
-                f"{label}: values must have one row for each of the {times.size} times, "
+                f"target {name!r}: values must have one row for each of the {target.t.size} times, "
                 f"got shape {measured.shape}"
             )
-        read = _reader(quantity)
-        return Target(
-            experiment=self,
-            read=read,
-            t=times,
-            values=measured,
-            sigma=_sigma(label, sigma, measured.shape),
-            name=name or (quantity if isinstance(quantity, str) else _name_of(quantity)),
-            parts=None,
-            is_curve=True,
-        )
+        return target
 
     def number(
         self,
@@ -234,27 +213,29 @@ class Experiment:
         """
         if not callable(read):
             raise TypeError(f"read must be callable, got {read!r}; a text is for curve()")
-        label = f"target {name or _name_of(read)!r}"
-        refuse_masked(f"{label}: values", values)
-        measured = real_array(f"{label}: values", np.atleast_1d(np.asarray(values)), ndim=1)
+        name = name or _name_of(read)
+        measured = np.atleast_1d(real_array(f"target {name!r}: values", values, ndim=0, most=1))
         if measured.size == 0:
-            raise ValueError(f"{label}: values must hold at least one number")
+            raise ValueError(f"target {name!r}: values must hold at least one number")
         if names is not None and len(names) != measured.size:
             raise ValueError(
-                f"{label}: names must hold one for each of the {measured.size} values, "
+                f"target {name!r}: names must hold one for each of the {measured.size} values, "
                 f"got {len(names)}"
             )
-        samples = np.linspace(self.start, self.t_end, 1001) if t is None else t
-        return Target(
-            experiment=self,
-            read=read,
-            t=_times(f"{label}: t", samples, self),
-            values=measured,
-            sigma=_sigma(label, sigma, measured.shape),
-            name=name or _name_of(read),
-            parts=None if names is None else tuple(names),
-            is_curve=False,
-        )
+        times = np.linspace(self.start, self.t_end, 1001) if t is None else t
+        parts = None if names is None else tuple(names)
+        return self._target(read, times, measured, sigma, name=name, parts=parts, is_curve=False)
+
+    def _target(
+        self, read: Read, t: ArrayLike, values: Array, sigma: ArrayLike | None, **others: Any
+    ) -> Target:
+        label = f"target {others['name']!r}"
+        times = sample_times(f"{label}: t", t, self.start, self.t_end)
+        if times.size == 0:
+            raise ValueError(f"{label}: t must hold at least one time")
+        if sigma is not None:
+            sigma = _sigma(f"{label}: sigma", sigma, values.shape)
+        return Target(experiment=self, read=read, t=times, values=values, sigma=sigma, **others)
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -319,27 +300,16 @@ def _name_of(read: Read) -> str:
     return str(getattr(read, "__name__", type(read).__name__))
 
 
-def _times(label: str, t: ArrayLike, experiment: Experiment) -> Array:
-    times = sample_times(label, t, experiment.start, experiment.t_end)
-    if times.size == 0:
-        raise ValueError(f"{label} must hold at least one time")
-    return times
-
-
-def _sigma(label: str, sigma: ArrayLike | None, shape: tuple[int, ...]) -> Array | None:
-    if sigma is None:
-        return None
-    refuse_masked(f"{label}: sigma", sigma)
-    given = real_array(f"{label}: sigma", sigma, ndim=np.ndim(np.asarray(sigma)))
+def _sigma(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    given = real_array(name, value, ndim=0, most=_MOST_DIMENSIONS)
     try:
         array = np.broadcast_to(given, shape)
     except ValueError:
         raise ValueError(
-            f"{label}: sigma must be one number or fit values of shape {shape}, "
-            f"got shape {given.shape}"
+            f"{name} must be one number or fit values of shape {shape}, got shape {given.shape}"
         ) from None
     if (array <= 0.0).any():
-        raise ValueError(f"{label}: sigma must be > 0, got {array.min():g}")
+        raise ValueError(f"{name} must be > 0, got {array.min():g}")
     return array
 
 

@@ -154,8 +154,7 @@ class Identification:
         """Standard deviations by name: relative for a logarithm, else in the parameter's unit."""
         spread = np.sqrt(np.diag(self.covariance))
         return {
-            part.name: float(std) * (1.0 if part.log else part.size)
-            for part, std in zip(self._parameters, spread, strict=True)
+            part.name: part.spread(std) for part, std in zip(self._parameters, spread, strict=True)
         }
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
@@ -16,6 +16,7 @@ from ..base.progress import counted
 from ..base.run_warnings import distinct, issue
 from ..drive.params import Params
 from ..many.pools import as_pool
+from ..run.settling import check_params
 from ..verification.space import ASSUMED
 from . import linear
 from .experiment import Target
@@ -137,27 +138,16 @@ def identify(
             runs tried before issue none.
         Exception: What a torque function or a reader raises comes out unchanged.
     """
+    given = dict(locals())
     try:
         least_squares = import_module("scipy.optimize").least_squares
     except ImportError:
         raise ImportError(
             "beltdyn.identify needs SciPy: python -m pip install scipy (or beltdyn[identify])"
         ) from None
-    if not isinstance(params, Params):
-        raise TypeError(f"params must be a Params, got {type(params).__name__}")
+    check_params(params)
     parameters = resolve(params, free)
-    options = Options.checked(
-        parameters,
-        confidence=confidence,
-        limit=limit,
-        jac=jac,
-        diff_step=diff_step,
-        tol=tol,
-        loss=loss,
-        prior=prior,
-    )
-    most, count = integer("max_nfev", max_nfev, 1), integer("starts", starts, 1)
-    flag("mesh", mesh)
+    options = Options.among(given, parameters)
     if workers is not None and executor is not None:
         raise ValueError("workers are threads, executor something else: give one of them")
     with (
@@ -166,12 +156,9 @@ def identify(
     ):
         search = _Search(Rig(params, parameters, targets, pool), parameters, options, show)
         try:
-            search.begin()
-            success, message = search.run(least_squares, most, count)
-            shift, note = search.mesh() if mesh else (None, "not asked for")
+            success, message = search.run(least_squares)
+            shift, note = search.mesh() if options.mesh else (None, "not asked for")
         except KeyboardInterrupt as error:
-            if search.best is None:
-                raise
             stopped = f"interrupted after {search.rig.runs} runs"
             search.restore()
             found = search.report(False, stopped, None, stopped)
@@ -187,7 +174,7 @@ class _End:
 
     best: Trial
     sigma: Array
-    slopes: tuple[Array, Array] | None
+    slopes: tuple[Array, Array]
     active: Array
     success: bool
     message: str
@@ -207,13 +194,7 @@ class _Search:
         show: Callable[[int, int | None, str], None],
     ) -> None:
         self.rig = rig
-        self.parameters = parameters
-        self.options = options
-        self.best: Trial | None = None
-        self._best_cost = np.inf
-        self._show_runs = show
-        self._last: Trial | None = None
-        self._slopes: tuple[Array, Array] | None = None
+        self._parameters, self._options, self._show_runs = parameters, options, show
         self._low = np.array([part.coordinate(part.low) for part in parameters])
         self._high = np.array([part.coordinate(part.high) for part in parameters])
         self._active = np.zeros(len(parameters), dtype=int)
@@ -238,6 +219,16 @@ class _Search:
                     f"to estimate it beside {len(parameters)} free parameter(s)"
                 )
             self._sigma[rig.slices[name]] = _GUESS * self._size(name)
+        #: The point of the last derivatives, and these.
+        self._slopes = (
+            np.full(len(parameters), np.nan),
+            np.full((self._measured.size, len(parameters)), np.nan),
+        )
+        self._best_cost = np.inf
+        self._last = self.best = rig.try_all([np.ones(len(parameters))], keep=True)[0]
+        if self.best.error is not None:  # an error there is the user's
+            raise self.best.error
+        self._count(self.best)
 
     def _size(self, name: str) -> float:
         size = float(np.sqrt(np.mean(self.rig.targets[name].values ** 2)))
@@ -245,49 +236,37 @@ class _Search:
             raise ValueError(f"target {name!r} needs a sigma: all its values are 0")
         return size
 
-    def begin(self) -> None:
-        """Try the start; an error there is the user's."""
-        trial = self._try(np.ones(len(self.parameters)))
-        if trial.error is not None:
-            raise trial.error
-
-    def run(
-        self, least_squares: Callable[..., Any], max_nfev: int, starts: int
-    ) -> tuple[bool, str]:
+    def run(self, least_squares: Callable[..., Any]) -> tuple[bool, str]:
         """Search from several points, and from what fits better than where that ended."""
         guess = self._sigma.copy()
-
-        def search(u: Array) -> None:
+        for u in self._starts():
             self._sigma[:] = guess
-            success, message = self._search(least_squares, max_nfev, u)
-            assert self.best is not None
-            sigma, active = self._sigma.copy(), self._active
-            self._ends.append(_End(self.best, sigma, self._slopes, active, success, message))
+            success, message = self._search(least_squares, u)
+            sigma = self._sigma.copy()
+            self._ends.append(_End(self.best, sigma, self._slopes, self._active, success, message))
+            self.restore()
+            if self._nfev >= self._options.max_nfev:
+                break
+        return self._ends[0].success, self._ends[0].message
 
-        search(np.ones(len(self.parameters)))
-        for u in self._others(starts - 1) if self._nfev < max_nfev else ():
-            if self._nfev < max_nfev:
-                search(u)
-        self.restore()
-        for _ in range(starts - 1):
-            better = self._probe() if self._nfev < max_nfev else None
+    def _starts(self) -> Iterator[Array]:
+        """Yield where to search from; what is beyond the best fit so far once that is there."""
+        more = self._options.starts - 1
+        yield np.ones(len(self._parameters))
+        yield from self._others(more)
+        for _ in range(more):
+            better = self._probe()
             if better is None:
                 break
-            search(better)
-            self.restore()
-        for side in (-1.0, 1.0) if starts > 1 else ():
-            if self._nfev < max_nfev:
-                search(self._beside(side))
-                self.restore()
-        return self._ends[0].success, self._ends[0].message
+            yield better
+        for side in (-1.0, 1.0) if more else ():
+            yield self._beside(side)
 
     def restore(self) -> None:
         """Go back to the best end, if it is better than what is being searched."""
         self._ends.sort(key=lambda end: self._score(end.best))
-        if not self._ends or self.best is None:
-            return
-        end = self._ends[0]
-        if self._score(end.best) <= self._score(self.best):
+        if self._ends and self._score(self._ends[0].best) <= self._score(self.best):
+            end = self._ends[0]
             self.best, self._slopes, self._active = end.best, end.slopes, end.active
             self._sigma[:] = end.sigma
 
@@ -295,7 +274,7 @@ class _Search:
         """Return the best of points spread evenly in each parameter around the start."""
         if count < 1:
             return []
-        free = len(self.parameters)
+        free = len(self._parameters)
         cells = _SPREAD_POINTS * free
         draw = np.random.default_rng(0)
         rows = np.stack([draw.permutation(cells) for _ in range(free)], axis=1)
@@ -307,119 +286,108 @@ class _Search:
 
         The other parameters follow as in the linearised problem.
         """
-        assert self.best is not None and self._slopes is not None
-        spread = linear.covariance(self._scaled(self._slopes[1]))
         points = []
+        spread = linear.covariance(self._jacobian)
         for k, row in enumerate(spread):
-            if not (np.isfinite(row).all() and spread[k, k] > 0.0):
-                continue
-            way = row / np.sqrt(spread[k, k])
-            longest = _FAR / np.abs(way).max()
-            points += [self.best.u + min(width, longest) * way for width in _PROBES]
-            points += [self.best.u - min(width, longest) * way for width in _PROBES]
-        if not points:
-            return None
-        scored = self._scored(np.array(points))
-        if scored and scored[0][1] < self._score(self.best) - _BETTER:
-            return scored[0][0]
-        return None
+            if np.isfinite(row).all() and spread[k, k] > 0.0:
+                way = row / np.sqrt(spread[k, k])
+                longest = _FAR / np.abs(way).max()
+                for side in (1.0, -1.0):
+                    points += [self.best.u + side * min(one, longest) * way for one in _PROBES]
+        scored = self._scored(np.array(points)) if points else []
+        better = scored and scored[0][1] < self._score(self.best) - _BETTER
+        return scored[0][0] if better else None
 
     def _beside(self, side: float) -> Array:
         """Return the best fit with the least known parameter changed by a factor of 2."""
-        assert self.best is not None and self._slopes is not None
-        spread = np.diag(linear.covariance(self._scaled(self._slopes[1])))
+        spread = np.diag(linear.covariance(self._jacobian))
         u = self.best.u.copy()
         u[int(np.argmax(spread))] += side * _FAR
         return np.asarray(np.clip(u, self._low, self._high))
 
     def _scored(self, points: Array) -> list[tuple[Array, float]]:
         """Try points within the limits; return those that can be simulated, the best first."""
-        inside = np.clip(points, self._low, self._high)
-        trials = self.rig.try_all(list(inside))
+        trials = self.rig.try_all(list(np.clip(points, self._low, self._high)))
         self._show()
+        return sorted(self._noted(trials), key=lambda one: one[1])
+
+    def _noted(self, trials: Iterable[Trial]) -> list[tuple[Array, float]]:
+        """Return coordinates and score of those that could be simulated, and keep them."""
         good = [(one.u, self._score(one)) for one in trials if one.error is None]
         self._tried += good
-        return sorted(good, key=lambda one: one[1])
+        return good
 
     def _score(self, trial: Trial) -> float:
         """Return twice the negative logarithm of the likelihood, unknown sigmas at their best."""
-        off = trial.y - self._measured
-        known = np.ones(off.size, dtype=bool)
-        total = 0.0
+        rows, total = self._rows(trial), 0.0
+        known = np.ones(rows.size, dtype=bool)
         for name in self._unknown:
             here = self.rig.slices[name]
             known[here] = False
-            squares = float(np.mean(off[here] ** 2))
-            total += off[here].size * np.log(max(squares, (_LEAST * self._size(name)) ** 2))
-        prior = [(trial.u[k] - at) / std for k, at, std in self.options.prior]
-        rest = np.concatenate([(off / self._sigma)[known], prior])
-        if rest.size:
-            total += 2.0 * cost_and_weights(rest, self.options.loss)[0]
+            off = (trial.y - self._measured)[here]
+            least = (_LEAST * self._size(name)) ** 2
+            total += off.size * np.log(max(float(np.mean(off**2)), least))
+        if known.any():
+            total += 2.0 * cost_and_weights(rows[known], self._options.loss)[0]
         return float(total)
 
     def mesh(self) -> tuple[Array | None, str]:
         """Return how far the fit would move on an infinitely fine mesh, or None and why not."""
-        best = self.best
-        assert best is not None and self._slopes is not None
         try:
-            [fine] = self.rig.try_all([best.u], refine=2)
+            [fine] = self.rig.try_all([self.best.u], refine=2)
         except Exception as error:  # what fits the links of this mesh, such as an initial state
             return None, str(error)
         if fine.error is not None:
             return None, str(fine.error)
-        jacobian = self._scaled(self._slopes[1])
-        apart = (fine.y - best.y) / self._sigma / (1.0 - 2.0**-ASSUMED)
+        jacobian = self._jacobian
+        apart = (fine.y - self.best.y) / self._sigma / (1.0 - 2.0**-ASSUMED)
         with np.errstate(invalid="ignore"):
             moved = -linear.covariance(jacobian) @ (jacobian[: apart.size].T @ apart)
         return moved, ""
 
-    def _search(
-        self, least_squares: Callable[..., Any], max_nfev: int, u: Array
-    ) -> tuple[bool, str]:
+    def _search(self, least_squares: Callable[..., Any], u: Array) -> tuple[bool, str]:
         """Search from a point; repeat it as long as the estimates of unknown sigmas change."""
+        options = self._options
         for _ in range(_PASSES):
             self._best_cost = np.inf
             found = least_squares(
                 self._residuals,
                 u,
-                jac=self._jacobian,
+                jac=lambda u: self._scaled(self._slopes_at(u)),
                 bounds=(self._low, self._high),
                 method="trf",
                 x_scale=1.0,
-                loss=self.options.loss,
-                ftol=self.options.tol,
-                xtol=self.options.tol,
+                loss=options.loss,
+                ftol=options.tol,
+                xtol=options.tol,
                 gtol=1e-12,
-                max_nfev=max(1, max_nfev - self._nfev),
+                max_nfev=max(1, options.max_nfev - self._nfev),
             )
             u, self._active = found.x, found.active_mask
             self.best = self._try(u)
             self._slopes_at(u)
-            if not self._unknown or found.status == 0:
-                break
-            if self._estimate_sigma() <= _SETTLED:
-                break
-        else:
-            return False, "the estimated standard deviations keep changing"
-        return found.status > 0, str(found.message)
+            if not self._unknown or found.status == 0 or self._estimate_sigma() <= _SETTLED:
+                return found.status > 0, str(found.message)
+        return False, "the estimated standard deviations keep changing"
 
     def _try(self, u: Array) -> Trial:
-        if self._last is not None and np.array_equal(self._last.u, u):
-            return self._last
-        if self.best is not None and np.array_equal(self.best.u, u):
-            return self.best
-        trial = self.rig.try_all([u.copy()], keep=True)[0]
+        for one in (self._last, self.best):
+            if np.array_equal(one.u, u):
+                return one
+        self._last = self.rig.try_all([u.copy()], keep=True)[0]
+        self._count(self._last)
+        return self._last
+
+    def _count(self, trial: Trial) -> None:
         self._nfev += 1
         self._failed += trial.error is not None
-        self._last = trial
-        if trial.error is None:
-            self._tried.append((trial.u, self._score(trial)))
-        self._note(trial)
-        return trial
+        self._noted([trial])
+        self._compare(trial)
 
-    def _note(self, trial: Trial) -> None:
+    def _compare(self, trial: Trial) -> None:
+        """Keep a trial if it is the best of this search."""
         if trial.error is None:
-            cost = self._cost(trial)
+            cost = cost_and_weights(self._rows(trial), self._options.loss)[0]
             if cost < self._best_cost:
                 self.best, self._best_cost = trial, cost
         self._show()
@@ -429,52 +397,52 @@ class _Search:
 
     def _residuals(self, u: Array) -> Array:
         trial = self._try(u)
-        if trial.error is not None:
-            # The trust region shrinks on what is not finite.
-            return np.full(self._measured.size + len(self.options.prior), np.nan)
-        self._note(trial)
-        return self._residuals_of(trial)
+        self._compare(trial)
+        if trial.error is None:
+            return self._rows(trial)
+        # The trust region shrinks on what is not finite.
+        return np.full(self._measured.size + len(self._options.prior), np.nan)
 
-    def _residuals_of(self, trial: Trial) -> Array:
-        known = [(trial.u[k] - at) / std for k, at, std in self.options.prior]
+    def _rows(self, trial: Trial) -> Array:
+        """Return the residuals of a trial."""
+        known = [(trial.u[k] - at) / std for k, at, std in self._options.prior]
         return np.concatenate([(trial.y - self._measured) / self._sigma, known])
 
-    def _cost(self, trial: Trial) -> float:
-        return cost_and_weights(self._residuals_of(trial), self.options.loss)[0]
-
-    def _jacobian(self, u: Array) -> Array:
-        return self._scaled(self._slopes_at(u))
+    @property
+    def _jacobian(self) -> Array:
+        """Derivatives of the residuals where they were taken last."""
+        return self._scaled(self._slopes[1])
 
     def _scaled(self, slopes: Array) -> Array:
-        rows = np.zeros((len(self.options.prior), slopes.shape[1]))
-        for row, (k, _, std) in zip(rows, self.options.prior, strict=True):
+        """Return derivatives of the residuals for those of the computed numbers."""
+        rows = np.zeros((len(self._options.prior), slopes.shape[1]))
+        for row, (k, _, std) in zip(rows, self._options.prior, strict=True):
             row[k] = 1.0 / std
         return np.concatenate([slopes / self._sigma[:, None], rows])
 
     def _slopes_at(self, u: Array) -> Array:
         """Return the derivatives of the computed numbers (n, n_free), by differences."""
-        if self._slopes is None or not np.array_equal(self._slopes[0], u):
-            here = self._try(u)
-            self._slopes = u.copy(), self._differences(here)
+        if not np.array_equal(self._slopes[0], u):
+            self._slopes = u.copy(), self._differences(self._try(u))
         return self._slopes[1]
 
     def _differences(self, here: Trial) -> Array:
         slopes = np.zeros((self._measured.size, here.u.size))
-        todo, step = list(range(here.u.size)), self.options.step
+        todo, step = list(range(here.u.size)), self._options.diff_step
         error: Exception | None = None
         # Where no step is possible, a smaller one may be.
         for _ in range(3):
             points = [(k, point) for k in todo for point in self._points(here.u, k, step)]
             trials = self.rig.try_all([point for _, point in points])
             self._show()
-            for k in todo:
+            self._noted(trials)
+            for k in todo.copy():
                 tried = [t for (j, _), t in zip(points, trials, strict=True) if j == k]
                 good = [t for t in tried if t.error is None]
-                self._tried += [(t.u, self._score(t)) for t in good]
                 if good:
                     first, last = good[0], good[1] if len(good) == 2 else here
                     slopes[:, k] = (first.y - last.y) / (first.u[k] - last.u[k])
-                    todo = [j for j in todo if j != k]
+                    todo.remove(k)
                 else:
                     error = tried[0].error
             if not todo:
@@ -488,16 +456,15 @@ class _Search:
         sides = [side for side in room if room[side] >= 0.1 * step]
         if not sides:
             sides = [max(room, key=lambda side: room[side])]
-        for side in sides if self.options.central else sides[:1]:
+        for side in sides if self._options.jac == "3-point" else sides[:1]:
             point = u.copy()
             point[k] += side * min(step, room[side])
             yield point
 
     def _estimate_sigma(self) -> float:
         """Estimate unknown sigmas; return the largest relative change."""
-        assert self.best is not None and self._slopes is not None
-        residuals = self._residuals_of(self.best)
-        freedom = 1.0 - linear.leverage(self._scaled(self._slopes[1]))
+        residuals = self._rows(self.best)
+        freedom = 1.0 - linear.leverage(self._jacobian)
         changes = []
         for name in self._unknown:
             here = self.rig.slices[name]
@@ -510,16 +477,11 @@ class _Search:
 
     def report(self, success: bool, message: str, mesh: Array | None, note: str) -> Identification:
         """Make the result."""
-        best, options, rig = self.best, self.options, self.rig
-        assert best is not None and best.params is not None
-        slopes = (
-            np.full((self._measured.size, best.u.size), np.nan)
-            if self._slopes is None
-            else self._slopes[1]
-        )
-        residuals, scaled = self._residuals_of(best), self._scaled(slopes)
+        best, options, rig, parts = self.best, self._options, self.rig, self._parameters
+        assert best.params is not None
+        residuals, jacobian = self._rows(best), self._jacobian
         cost, weights = cost_and_weights(residuals, options.loss)
-        weighted = scaled * np.sqrt(weights)[:, None]
+        weighted = jacobian * np.sqrt(weights)[:, None]
         dof = np.inf
         if self._unknown and np.isfinite(weighted).all():
             freedom = 1.0 - linear.leverage(weighted)
@@ -531,18 +493,19 @@ class _Search:
                 for name, target in rig.targets.items()
             }
 
+        def by_name(values: Iterable[Any]) -> dict[str, Any]:
+            return dict(zip((part.name for part in parts), values, strict=True))
+
+        limits = {1: "upper", -1: "lower"}
         return Identification(
             params=best.params,
-            values={
-                part.name: part.value(float(at))
-                for part, at in zip(self.parameters, best.u, strict=True)
-            },
+            values=by_name(map(Parameter.value, parts, best.u.tolist())),
             confidence=options.confidence,
             limit=options.limit,
             residuals=by_target(residuals),
             sigma=by_target(self._sigma),
             estimated=tuple(self._unknown),
-            jacobian=scaled[: self._measured.size],
+            jacobian=jacobian[: self._measured.size],
             labels=rig.labels,
             computed=best.y,
             weighted=weighted,
@@ -553,22 +516,13 @@ class _Search:
             runs=rig.runs,
             success=success,
             message=message,
-            mesh=None
-            if mesh is None
-            else {
-                part.name: float(moved) * (1.0 if part.log else part.size)
-                for part, moved in zip(self.parameters, mesh, strict=True)
-            },
+            mesh=None if mesh is None else by_name(map(Parameter.spread, parts, mesh)),
             mesh_message=note,
             ends=np.array([end.best.u for end in self._ends]),
             tried=np.array([u for u, _ in self._tried]),
             excess=np.array([score for _, score in self._tried]) - self._score(best),
             results=dict(zip(rig.experiments, best.results, strict=True)),
-            at_limit={
-                part.name: "lower" if side < 0 else "upper"
-                for part, side in zip(self.parameters, self._active, strict=True)
-                if side
-            },
-            parameters=self.parameters,
+            at_limit={name: limits[side] for name, side in by_name(self._active).items() if side},
+            parameters=parts,
             curves=frozenset(name for name, target in rig.targets.items() if target.is_curve),
         )

@@ -99,9 +99,9 @@ class Parameter:
             return 1.0 + (value - self.start) / self.size
         return 1.0 + math.log(value / self.start) if value > 0.0 else -math.inf
 
-    def deviation(self, std: float, value: float) -> float:
-        """Return a standard deviation in the parameter's unit as one of the coordinate."""
-        return std / value if self.log else std / self.size
+    def spread(self, off: float) -> float:
+        """Return a distance of the coordinate: relative for a logarithm, else in the unit."""
+        return float(off) * (1.0 if self.log else self.size)
 
 
 def _start(params: Params, free: Free) -> float:

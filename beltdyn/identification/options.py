@@ -2,17 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Self
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, Self
 
 import attrs
 
-from ..base.checks import one_of, pair, positive, real
+from ..base.checks import flag, integer, one_of, pair, positive, real
 from .findings import confidence_of
 from .free import Parameter
 from .outlier_weights import LOSSES
 
 __all__ = ["Options"]
+
+
+def _factor(value: object) -> float:
+    if real("limit", value) <= 1.0:
+        raise ValueError(f"limit must be > 1, got {value:g}")
+    return real("limit", value)
+
+
+def _share(value: object) -> float:
+    if positive("diff_step", value) >= 1.0:
+        raise ValueError(f"diff_step must be < 1, got {value:g}")
+    return real("diff_step", value)
+
+
+#: The check of each argument.
+_CHECKS: dict[str, Callable[[Any], Any]] = {
+    "confidence": confidence_of,
+    "limit": _factor,
+    "jac": partial(one_of, "jac", choices=("3-point", "2-point")),
+    "diff_step": _share,
+    "tol": partial(positive, "tol"),
+    "max_nfev": partial(integer, "max_nfev", least=1),
+    "starts": partial(integer, "starts", least=1),
+    "mesh": partial(flag, "mesh"),
+    "loss": partial(one_of, "loss", choices=LOSSES),
+}
 
 
 @attrs.frozen(kw_only=True)
@@ -21,45 +48,25 @@ class Options:
 
     confidence: float
     limit: float
-    central: bool
-    step: float
+    jac: str
+    diff_step: float
     tol: float
+    max_nfev: int
+    starts: int
+    mesh: bool
     loss: str
     prior: tuple[tuple[int, float, float], ...]
 
     @classmethod
-    def checked(
-        cls,
-        parameters: Sequence[Parameter],
-        *,
-        confidence: float,
-        limit: float,
-        jac: str,
-        diff_step: float,
-        tol: float,
-        loss: str,
-        prior: Mapping[str, tuple[float, float]] | None,
-    ) -> Self:
-        """Return the options that these arguments ask for."""
-        if real("limit", limit) <= 1.0:
-            raise ValueError(f"limit must be > 1, got {limit:g}")
-        if positive("diff_step", diff_step) >= 1.0:
-            raise ValueError(f"diff_step must be < 1, got {diff_step:g}")
-        return cls(
-            confidence=confidence_of(confidence),
-            limit=float(limit),
-            central=one_of("jac", jac, ("3-point", "2-point")) == "3-point",
-            step=float(diff_step),
-            tol=positive("tol", tol),
-            loss=one_of("loss", loss, LOSSES),
-            prior=_prior(parameters, prior),
-        )
+    def among(cls, given: Mapping[str, Any], parameters: Sequence[Parameter]) -> Self:
+        """Return those among the arguments, checked."""
+        checked = {name: check(given[name]) for name, check in _CHECKS.items()}
+        return cls(**checked, prior=_prior(parameters, given["prior"]))
 
 
 def _prior(
     parameters: Sequence[Parameter], prior: Mapping[str, tuple[float, float]] | None
 ) -> tuple[tuple[int, float, float], ...]:
-    """Return index, coordinate and its standard deviation."""
     names = [part.name for part in parameters]
     rows = []
     for name, given in (prior or {}).items():
@@ -71,5 +78,6 @@ def _prior(
             raise ValueError(f"prior {name!r}: the standard deviation must be > 0, got {std:g}")
         if part.log and value <= 0.0:
             raise ValueError(f"prior {name!r}: the value must be > 0, got {value:g}")
-        rows.append((names.index(name), part.coordinate(value), part.deviation(std, value)))
+        on_scale = std / (value if part.log else part.size)
+        rows.append((names.index(name), part.coordinate(value), on_scale))
     return tuple(rows)

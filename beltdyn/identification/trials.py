@@ -14,6 +14,7 @@ from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.parameters import read
 from ..drive.params import Params
+from ..drive.scene import Scene
 from ..many.collect import outcomes
 from ..many.outcome import Outcome, attempt
 from ..many.pools import Pool
@@ -106,20 +107,18 @@ class Rig:
         self, points: Sequence[Array], *, keep: bool = False, refine: int = 1
     ) -> list[Trial]:
         """Simulate all experiments at several points, in parallel."""
-        pool, drives = self._pool, [self._drives(u, refine) for u in points]
-        # Settled before the runs, which share them, so that processes need not settle them again.
-        starts: dict[tuple[int, int], tuple[Experiment, Outcome]] = {}
-        for k, of_runs in enumerate(drives):
-            for run, drive in zip(self._runs, of_runs, strict=True):
-                starts.setdefault((k, run.start), (run.experiment, drive))
-        begun = outcomes(_begin, list(starts.values()), pool)
-        start_of = dict(zip(starts, begun, strict=True))
         jobs = [
-            (run, drive, start_of[k, run.start], keep)
-            for k, of_runs in enumerate(drives)
-            for run, drive in zip(self._runs, of_runs, strict=True)
+            (k, run, drive)
+            for k, u in enumerate(points)
+            for run, drive in zip(self._runs, self._drives(u, refine), strict=True)
         ]
-        done = outcomes(_simulate, jobs, pool)
+        # Settled before the runs, which share them, so that processes need not settle them again.
+        first: dict[tuple[int, int], tuple[Experiment, Outcome]] = {}
+        for k, run, drive in jobs:
+            first.setdefault((k, run.start), (run.experiment, drive))
+        begun = dict(zip(first, outcomes(_begin, list(first.values()), self._pool), strict=True))
+        rows = [(run, drive, begun[k, run.start], keep) for k, run, drive in jobs]
+        done = outcomes(_simulate, rows, self._pool)
         self.runs += len(jobs)
         width = len(self._runs)
         return [self._trial(u, done[k * width : (k + 1) * width]) for k, u in enumerate(points)]
@@ -166,33 +165,30 @@ def _checked(targets: object) -> list[Target]:
 
 
 def _arrange(params: Params, targets: Sequence[Target]) -> list[_Run]:
+    """Return the experiments with their targets, each with the number of what it starts from."""
     experiments = list(dict.fromkeys(target.experiment for target in targets))
-    starts: list[tuple[Any, ...]] = []
-    runs: list[_Run] = []
+    starts: dict[tuple[Any, ...], int] = {}
+    runs: dict[str, _Run] = {}
     for k, experiment in enumerate(experiments):
         for change in experiment.changes:
             read(params, change)
         name = experiment.name or ("run" if len(experiments) == 1 else f"run {k + 1}")
-        if name in [run.name for run in runs]:
+        if name in runs:
             raise ValueError(f"two experiments are called {name!r}: tell them apart by name=")
         begins = (
             *(repr(experiment.changes), repr(experiment.settling), id(experiment.initial)),
             *(id(experiment.motion), experiment.motion and experiment.t_end),
         )
-        if begins not in starts:
-            starts.append(begins)
         own = [target for target in targets if target.experiment is experiment]
         prefix = f"{name}: " if len(experiments) > 1 else ""
-        runs.append(
-            _Run(
-                name,
-                experiment,
-                starts.index(begins),
-                tuple((f"{prefix}{target.name}", target) for target in own),
-                np.unique(np.concatenate([target.t for target in own])),
-            )
+        runs[name] = _Run(
+            name,
+            experiment,
+            starts.setdefault(begins, len(starts)),
+            tuple((f"{prefix}{target.name}", target) for target in own),
+            np.unique(np.concatenate([target.t for target in own])),
         )
-    return runs
+    return list(runs.values())
 
 
 def _begin(job: tuple[Experiment, Outcome], _before: object) -> Outcome:
@@ -206,21 +202,14 @@ def _begin(job: tuple[Experiment, Outcome], _before: object) -> Outcome:
 def _simulate(job: tuple[_Run, Outcome, Outcome, bool], _before: object) -> Outcome:
     """Return the computed numbers of a run, and its result if that is to be kept."""
     run, drive, start, keep = job
-    if start.status != "finished" or drive.status != "finished":
-        return drive if drive.status != "finished" else start
+    if start.status != "finished":  # nor has a drive what it starts from, then
+        return start
     experiment = run.experiment
 
     def simulated() -> Result:
+        scene = Scene(drive.value, experiment.torque_fn, experiment.t_end, experiment.motion)
         with silenced():
-            return simulate(
-                drive.value,
-                experiment.torque_fn,
-                experiment.t_end,
-                motion=experiment.motion,
-                t_eval=run.t,
-                initial=start.value,
-                **experiment.options,
-            )
+            return simulate(*scene, t_eval=run.t, initial=start.value, **experiment.options)
 
     ran = attempt(simulated, SimulationError)
     if ran.value is None:
