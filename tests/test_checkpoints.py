@@ -575,11 +575,11 @@ def test_forged_files_are_refused_by_name(half: Path) -> None:
         ("rest", lambda content: b"\xff" * 8 + content[8:], "do not fit together"),
         ("rest", lambda content: content[:-1], "^cannot go on from .*record is damaged"),
         ("head", option('"method": "auto"', '"method": "otto"'), "method"),
-        ("head", option('"ledger": true', '"ledger": 1234'), "ledger is of another kind"),
+        ("head", option('"ledger": true', '"ledger": 1234'), "ledger must be true or false"),
         ("head", option('"rtol": 0.0001', '"rtol": 1e9999'), "rtol"),
         ("head", option('"t_end": 0.02', '"t_end": -5.0'), "t_end"),
         ("head", option('"every": 0.0', '"every": -1.0'), "every"),
-        ("head", option('"settle_time"', '"settle_tima"'), "does not hold"),
+        ("head", option('"settle_time"', '"settle_tima"'), "holds .settle_tima., which does not"),
         ("head", option('"expected": null', '"expected": ["creep"]'), "expected is of another"),
         ("head", option('"outputs": null', '"outputs": ["x"]'), "outputs"),
     ]

@@ -161,7 +161,7 @@ def test_descriptions_that_are_wrong(good: Arrays, path: Path) -> None:
         ("final_t", float("nan"), "final_t must be a finite number"),
         ("final_t", 10**400, "final_t must be a finite number"),
         ("effects", "all", "effects must be a list"),
-        ("effects", [1], "effects must be a text, got int 1"),
+        ("effects", [1], "effects[0] must be a text, got int 1"),
         ("stats", 3, "stats must be a table"),
         ("stats.steps", MISSING, "stats.steps is missing"),
         ("stats.a", 1, "stats holds 'a', which does not belong there"),

@@ -68,13 +68,6 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
     ]
 
 
-def from_file(name: str, size: str, value: NDArray[Any], count: int | None = None) -> Array:
-    """Check a field of this size, of so many numbers or rows of some, as a file has it."""
-    shape = value.shape if size in ROWS and value.ndim == 2 else (value.size,)
-    expected = shape if count is None or size in ROWS else (count,)
-    return npz.number_array(name, value, np.float64, expected)
-
-
 def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
     """Check speeds of pulleys that a belt runs with; return them and the speed of their rims."""
     if not isinstance(omega, Mapping):
@@ -345,14 +338,34 @@ class State:
         """
 
         def build(values: dict[str, Any]) -> State:
-            fields: dict[str, Any] = {
-                name: from_file(name, size, values[name])
-                for name, size in SIZES.items()
-                if size not in PARTS or name in values  # not in the files of earlier versions
+            numbers: dict[str, Any] = {
+                name: float(npz.number_array(name, values[name], np.float64, ()))
+                for name in ("t", "residual")
+                if name == "t" or name in values
             }
-            for name in ("t", "residual"):
-                if name == "t" or name in values:
-                    fields[name] = float(npz.number_array(name, values[name], np.float64, ()))
-            return cls(**fields)
+            return cls._of_file(values, "", **numbers)
 
         return npz.read(path, "State", (*SIZES, "t", "residual"), build)
+
+    @classmethod
+    def _of_file(
+        cls,
+        arrays: Mapping[str, Any],
+        prefix: str,
+        sizes: Mapping[str, int] | None = None,
+        **others: Any,
+    ) -> State:
+        """Make a state of arrays that have these names behind a prefix, and the sizes of a drive.
+
+        Of parts that a drive does not have there are none in the files of earlier versions.
+        """
+        fields: dict[str, Any] = {}
+        for name, size in SIZES.items():
+            if size in PARTS and prefix + name not in arrays and not (sizes and sizes[size]):
+                continue
+            value = arrays[prefix + name]
+            shape = (value.size if sizes is None else sizes[size],)
+            if size in ROWS:
+                shape = value.shape if value.ndim == 2 else (value.size,)
+            fields[name] = npz.number_array(prefix + name, value, np.float64, shape)
+        return cls(**fields, **others)

@@ -419,16 +419,19 @@ class Result(Sampled):
         }
         return labelled.dataset(self.t, self._arrays(), self.params, attributes)
 
-    def _arrays(self) -> dict[str, NDArray[Any]]:
-        """Return all histories by their dotted names."""
-        groups = {name: getattr(self, name) for name in GROUPS}
-        arrays = {
+    def _histories(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays of all groups by their dotted names."""
+        return {
             f"{name}.{field}": array
-            for name, group in groups.items()
-            if group is not None
+            for name in GROUPS
+            if (group := getattr(self, name)) is not None
             for field, array in group.arrays().items()
         }
-        return arrays | ({"span_tension": self.span_tension} if self._has("span_tension") else {})
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all histories by their dotted names."""
+        spans = {"span_tension": self.span_tension} if self._has("span_tension") else {}
+        return self._histories() | spans
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a file of the kind that the ending of ``path`` names.
@@ -449,9 +452,9 @@ class Result(Sampled):
         """
         ending = exported.check_ending(path)
         if ending == ".npz":
-            saved.write(
-                {**attrs.asdict(self, recurse=False), "sampled_spans": self._sampled_spans}, path
-            )
+            sampled = self._sampled_spans
+            spans = {} if sampled is None else {"span_tension": sampled}
+            saved.write(attrs.asdict(self, recurse=False), self._histories() | spans, path)
         else:
             exported.write(path, ending, self.t, self._arrays(), self.params, self.to_xarray)
 

@@ -9,6 +9,7 @@ anywhere: nothing in it is executed, all is checked.
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import sqlite3
 import struct
@@ -115,20 +116,16 @@ class _Kept(NamedTuple):
 
 
 class Recorder:
-    """Writes a run to its file: between chunks of it when it is time, and when it ends.
+    """Writes a run to its file when it is time, and when it ends; this one has no file.
 
-    After each chunk the restart record is kept in memory, so that there is one also where the run
-    ends in the middle of a step: by an exception of the torque function.
-
-    Attributes:
-        path: The file.
-        every: Wall time between two writes [s].
+    After each chunk of the run the restart record is kept in memory, so that there is one also
+    where the run ends in the middle of a step: by an exception of the torque function.
     """
 
-    def __init__(self, path: str, every: float) -> None:
+    def __init__(self, path: str = "", every: float = math.inf) -> None:
         self.path, self.every = path, every
         self._db: sqlite3.Connection | None = None
-        self._writes = True
+        self._writes = False
         self._arrays: Mapping[str, NDArray[Any]] = {}
         self._spent: Callable[[], Spent] = Spent
         self._kept: _Kept | None = None
@@ -140,10 +137,16 @@ class Recorder:
         self._lost = False
 
     def begin(
-        self, sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], start: Start
+        self, _sim: _core.Simulation, _arrays: Mapping[str, NDArray[Any]], start: Start
     ) -> Spent:
-        """Begin with a simulation that has not made a step; give what was spent on it before."""
-        raise NotImplementedError
+        """Begin with a simulation that has not made a step; return what was spent on it before."""
+        return Spent(settle=start.settle_time)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     def close(self) -> None:
         """Close the file."""
@@ -157,20 +160,16 @@ class Recorder:
 
     def look(self, sim: _core.Simulation) -> None:
         """Write what is there if it is time to; between two chunks of the run."""
-        if not self._writes:
-            return
-        self._keep(sim, finished=False)
-        if time.perf_counter() >= self._due:
-            self._write()
+        if self._writes:
+            self._keep(sim, finished=False)
+            if time.perf_counter() >= self._due:
+                self._write()
 
     def end(self, sim: _core.Simulation, *, finished: bool = False, sound: bool = True) -> None:
         """Write what is there when the run ends.
 
-        Args:
-            sim: The run.
-            finished: Whether it reached its end.
-            sound: Whether it is that of the drive up to where it is; not so if a torque function
-                failed and the core does not know.
+        It is not ``sound``, that of the drive up to there, if a torque function failed and the core
+        does not know.
         """
         if not self._writes:
             return
@@ -180,11 +179,11 @@ class Recorder:
         self._write()
 
     @property
-    def hint(self) -> str:
-        """How to go on; "" if nothing is in the file."""
+    def hint(self) -> list[str]:
+        """How to go on, if anything is in the file."""
         if self._db is None or self._lost:
-            return ""
-        return f"go on with beltdyn.resume({self.path!r})"
+            return []
+        return [f"go on with beltdyn.resume({self.path!r})"]
 
     @property
     def warnings(self) -> tuple[RunWarning, ...]:
@@ -193,13 +192,12 @@ class Recorder:
             return ()
         t, why = self._failures[0]
         often = "" if len(self._failures) == 1 else f", and {len(self._failures) - 1} time(s) later"
-        holds = (
-            "has nothing but how the run began"
-            if self._up_to is None
-            else f"holds the run up to t = {self._up_to:.6g} s"
-        )
         if self._lost:
             holds = "cannot be gone on with"
+        elif self._up_to is None:
+            holds = "has nothing but how the run began"
+        else:
+            holds = f"holds the run up to t = {self._up_to:.6g} s"
         text = (
             f"the checkpoint {self.path} could not be written at t = {t:.6g} s{often} ({why}); the "
             f"run went on, and the file {holds}"
@@ -261,15 +259,9 @@ def row_size(arrays: Mapping[str, NDArray[Any]]) -> int:
 
 
 class Fresh(Recorder):
-    """Writes a run from its beginning."""
+    """Writes a run from its beginning, to a file that is not there yet."""
 
     def __init__(self, checkpoint: Checkpoint) -> None:
-        """Check that there is no file yet and that one can be made.
-
-        Raises:
-            OSError: None can be made there.
-            ValueError: There is one.
-        """
         super().__init__(checkpoint.path, checkpoint.every)
         if os.path.lexists(self.path):
             raise ValueError(
@@ -280,43 +272,29 @@ class Fresh(Recorder):
         files.check_writable(self.path)
 
     def begin(
-        self, sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], start: Start
+        self, _sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], start: Start
     ) -> Spent:
-        """Make the file, with all that the run was called with.
-
-        Raises:
-            OSError: It cannot be written.
-        """
+        """Make the file, with all that the run was called with."""
         with sqlite.created(self.path, _TABLES) as db:
             _add(db, _HEAD, -1, start_of_run.pack(start, self.every))
-        self._db, self._place = (
-            sqlite.opened(self.path, _TABLES, write=True),
-            sqlite.Place(self.path),
-        )
-        self._arrays = arrays
-        return Spent(settle=start.settle_time)
+        self._db = sqlite.opened(self.path, _TABLES, write=True)
+        self._place, self._arrays, self._writes = sqlite.Place(self.path), arrays, True
+        return super().begin(_sim, arrays, start)
 
 
 class Continued(Recorder):
-    """Goes on with a run, and with writing it.
+    """Goes on with a run, and with writing it if ``write``, as often as before unless ``every``.
 
-    Attributes:
-        start: What the run was called with.
+    Raises:
+        OSError: The file cannot be read or, for ``write``, written.
+        ValueError: It is no file of a run, of another version, damaged, or of another machine.
     """
 
+    #: What the run was called with.
+    start: Start
+
     def __init__(self, path: str | os.PathLike[str], write: bool, every: float | None) -> None:
-        """Read a file.
-
-        Args:
-            path: Where it is.
-            write: Whether to go on writing to it.
-            every: Wall time between two writes [s]; None: as before.
-
-        Raises:
-            OSError: It cannot be read or, for ``write``, written.
-            ValueError: It is no file of a run, of another version, or damaged.
-        """
-        super().__init__(_path(path), 0.0)
+        super().__init__(_path(path))
         try:
             self._db = sqlite.opened(self.path, _TABLES, write=write)
             self._place = sqlite.Place(self.path)
@@ -335,28 +313,16 @@ class Continued(Recorder):
                     f"{level}, and they do not give the same bits: set the environment variable "
                     f"BELTDYN_KERNELS={self.start.kernels}, on a processor that has it"
                 )
-        except (TypeError, ValueError) as error:
+        except BaseException as error:
             self.close()
-            raise self._refusal(error) from None
-        except BaseException:
-            self.close()
+            if isinstance(error, (TypeError, ValueError)):
+                raise self._refusal(error) from None
             raise
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def begin(
-        self, sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], start: Start
+        self, sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], _start: Start
     ) -> Spent:
-        """Take the samples and the restart record.
-
-        Raises:
-            OSError: They cannot be read.
-            ValueError: They are of another run, of another machine, or do not fit together.
-        """
+        """Take the samples and the restart record, if they are of this run."""
         self._arrays = arrays
         try:
             with self._at_one_time():

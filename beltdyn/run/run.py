@@ -62,15 +62,8 @@ def once(
 class Run:
     """A run, ready to be advanced: its drive is settled, its samples have their memory.
 
-    Args:
-        scene: Drive, torque, end and motions.
-        options: How it is integrated.
-        initial: The state to start from, which fits the drive; None: settled.
-        times: Sample times (n_t,) [s], within the run.
-        outputs: What is kept, as :func:`beltdyn.outputs.selection.chosen` returns it.
-        expected: Errors that pilot runs have shown.
-        progress: Whether to show a progress bar.
-        recorder: What writes it as it goes; with one of a run that was stopped, it goes on.
+    ``times``, ``outputs`` and ``initial`` are checked, ``initial`` is None for the settled drive; a
+    ``recorder`` writes the run as it goes, that of a run that was stopped goes on with it.
     """
 
     def __init__(
@@ -83,11 +76,11 @@ class Run:
         outputs: tuple[str, ...] | None = None,
         expected: Expected | None = None,
         progress: bool = False,
-        recorder: Recorder | None = None,
+        recorder: Recorder | None = None,  # none that writes
     ) -> None:
         params = scene.params
         self._scene, self._times, self._expected = scene, times, expected
-        self._progress, self._recorder = progress, recorder
+        self._progress, self._recorder = progress, recorder or Recorder()
         self._outputs = outputs = of_belt(outputs, params)
         if outputs is not None and LEDGER not in outputs:
             options = attrs.evolve(options, ledger=False)
@@ -123,19 +116,17 @@ class Run:
             )
         try:
             self._arrays = self._sim.sample(times, names)
-            before = Spent(settle=settle_time)
-            if recorder is not None:
-                start = Start(
-                    scene=scene,
-                    initial=initial,
-                    t_eval=times,
-                    outputs=outputs,
-                    options=options,
-                    expected=expected,
-                    settle_time=settle_time,
-                )
-                with _nothing_computed(params):
-                    before = recorder.begin(self._sim, self._arrays, start)
+            start = Start(
+                scene=scene,
+                initial=initial,
+                t_eval=times,
+                outputs=outputs,
+                options=options,
+                expected=expected,
+                settle_time=settle_time,
+            )
+            with _nothing_computed(params):
+                before = self._recorder.begin(self._sim, self._arrays, start)
             cpu, wall = time.thread_time(), time.perf_counter()
         except MemoryError:
             raise memory.no_room(times.size, needed, "which could not be had") from None
@@ -161,10 +152,8 @@ class Run:
         start, end = self.initial.t, self._scene.t_end
         finishing = False
         callback_errors = CallbackErrors(sim.stop)
-        chunk = CHUNK if watch is None else _CHUNK_FOLLOWED
-        if recorder is not None:
-            recorder.count(self._spent)
-            chunk = min(chunk, recorder.every)
+        recorder.count(self._spent)
+        chunk = min(CHUNK if watch is None else _CHUNK_FOLLOWED, recorder.every)
         try:
             with (
                 callback_errors,
@@ -175,21 +164,19 @@ class Run:
                     show(sim.time)
                     if watch is not None:
                         watch(Reached(self.initial, sim.time, int(sim.stats["steps"]), sim.method))
-                    if recorder is not None and callback_errors.error is None:
+                    if callback_errors.error is None:
                         recorder.look(sim)
-            if recorder is not None:
-                recorder.end(sim, finished=True)
+            recorder.end(sim, finished=True)
             finishing = True
             return self.collect("finished", self._at_end())
         except SimulationError as error:
-            if recorder is not None:
-                recorder.end(sim)
+            recorder.end(sim)
             error.result = self.collect("failed", str(error))
             annotate(error, self._scene.params, error.result.warnings)
             raise
         except (KeyboardInterrupt, Exception) as error:
             raised = callback_errors.error or error
-            if recorder is not None and not finishing:
+            if not finishing:
                 recorder.end(sim, sound=callback_errors.error is None)
             if isinstance(raised, KeyboardInterrupt):
                 raise self._interrupted() from raised
@@ -198,9 +185,8 @@ class Run:
             whose = "a torque or motion function" if self._motions else "the torque function"
             why = f"{whose} raised {type(raised).__name__} after t = {sim.time:.6g} s"
             _keep_result(raised, self.collect("failed", why))
-            raised.add_note(why)
-            if recorder is not None:
-                raised.add_note(recorder.hint)
+            for note in (why, *recorder.hint):
+                raised.add_note(note)
             if raised is error:
                 raise
             raise raised from None
@@ -239,21 +225,22 @@ class Run:
         of_core = [RunWarning(**one) for one in sim.warnings]
         of_samples = observed.observe(seen, self._motions)
         slack = any(one.code == "slack_span" for one in of_samples)
+        accuracy, notes = seen.accuracy, list(seen.accuracy.notes)
         if slack:
-            unknown = tuple(attrs.evolve(one, time=None) for one in seen.accuracy.errors)
-            accuracy = attrs.evolve(seen.accuracy, errors=unknown)
-            seen = attrs.evolve(seen, stats=attrs.evolve(stats, error=None), accuracy=accuracy)
-        if seen.stats.error is not None:  # links that chatter then have no consequence
-            notes = tuple(_excused(one, stats.error) for one in of_core if one.code == "chatter")
-            accuracy = seen.accuracy
-            accuracy = attrs.evolve(accuracy, notes=(*accuracy.notes, *notes))
-            seen = attrs.evolve(seen, accuracy=accuracy)
+            stats = attrs.evolve(stats, error=None)
+            unknown = tuple(attrs.evolve(one, time=None) for one in accuracy.errors)
+            accuracy = attrs.evolve(accuracy, errors=unknown)
+        if stats.error is not None:  # links that chatter then have no consequence
+            notes += [_excused(one, stats.error) for one in of_core if one.code == "chatter"]
             of_core = [one for one in of_core if one.code != "chatter"]
         if self._options.step is None and status != "failed" and not slack:
-            notes = (*seen.accuracy.notes, *observed.hint(seen, self._options.rtol))
-            seen = attrs.evolve(seen, accuracy=attrs.evolve(seen.accuracy, notes=notes))
-        of_file = () if self._recorder is None else self._recorder.warnings
-        return attrs.evolve(seen, warnings=(*self.of_drive, *of_core, *of_samples, *of_file))
+            notes += observed.hint(seen, self._options.rtol)
+        return attrs.evolve(
+            seen,
+            stats=stats,
+            accuracy=attrs.evolve(accuracy, notes=tuple(notes)),
+            warnings=(*self.of_drive, *of_core, *of_samples, *self._recorder.warnings),
+        )
 
     def _at_end(self) -> str:
         """Return the message of a run that has finished."""
@@ -271,8 +258,8 @@ class Run:
     def _interrupted(self) -> Interrupted:
         message = f"interrupted at t = {self._sim.time:.6g} s"
         error = Interrupted(message, self.collect("interrupted", message))
-        if self._recorder is not None:
-            error.add_note(self._recorder.hint)
+        for note in self._recorder.hint:
+            error.add_note(note)
         return error
 
 

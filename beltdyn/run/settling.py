@@ -20,7 +20,7 @@ from ..outputs.state import State, belt_speed
 from ..result.errors import Interrupted, SimulationError, annotate
 from ..result.result import Result
 
-__all__ = ["CHUNK", "check_initial", "check_params", "positive_or_none", "settle"]
+__all__ = ["CHUNK", "check_initial", "check_params", "settle"]
 
 #: Wall time between two updates of the progress bar and two checks for Ctrl-C [s].
 CHUNK = 0.1
@@ -85,17 +85,12 @@ def settle(
         SimulationError: The belt did not come to rest, or rests without touching a pulley.
         Interrupted: Ctrl-C.
     """
+    given = dict(locals())
     check_params(params)
     check_initial(params, initial)
     shown = flag("progress", progress)
-    given = {
-        "friction": friction,
-        "pulleys": pulleys,
-        "offset": offset,
-        "move_time": move_time,
-        "shift": shift,
-    }
-    changes = {name: value for name, value in given.items() if value is not None}
+    fields = (field.name for field in attrs.fields(Tensioning))
+    changes = {name: given[name] for name in fields if given[name] is not None}
     tensioning = attrs.evolve(params.tensioning, **changes).fitted(params.pulley_names)
     name = attrs.evolve(Tensioning(), **changes).beyond_cells()
     if params._belt_facts["flows"] and name:
@@ -105,7 +100,9 @@ def settle(
         )
     n_pulleys, has_friction = len(params.pulleys), params.has_friction
     options = tensioning._options(n_pulleys, has_friction)
-    options["max_time"] = positive_or_none("max_time", max_time, "s")
+    for name, unit in (("max_time", "s"), ("tolerance", "1")):
+        if given[name] is not None:
+            options[name] = positive(name, given[name], unit)
     speeds, v = ({}, 0.0) if speed is None else belt_speed("speed", params, speed)
     if v != 0.0:
         if friction:
@@ -117,8 +114,6 @@ def settle(
         running = compliance.compliance(params, speed=v).radius[named].mean()
         options["speed"] = v * float(running) / params.pulleys[named].radius
         options["friction"] = False
-    if tolerance is not None:
-        options["tolerance"] = positive_or_none("tolerance", tolerance, "1")
     state = None if initial is None else initial._to_core(params)
     sim = _core.Simulation.settle(params._model, state, **options)
     try:
@@ -152,10 +147,3 @@ def check_initial(params: Params | None, initial: object) -> None:
         raise TypeError(f"initial must be a State or None, got {type(initial).__name__}{hint}")
     if params is not None:
         initial.check_fits(params)
-
-
-def positive_or_none(name: str, value: object, unit: str) -> float:
-    """Check a positive number; None becomes 0, which the core takes as "not given"."""
-    if value is None:
-        return 0.0
-    return positive(name, value, unit)

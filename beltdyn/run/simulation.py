@@ -234,7 +234,7 @@ def simulate(
         return result
     asked["initial"] = initial
     if checkpoint is not None:
-        with closing(Fresh(Checkpoint.of(checkpoint))) as recorder:
+        with Fresh(Checkpoint.of(checkpoint)) as recorder:
             return once(scene, options, outputs=kept, recorder=recorder, **asked)[0]
     if not flag("verify", verify):
         return once(scene, options, outputs=kept, **asked)[0]

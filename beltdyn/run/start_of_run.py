@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from typing import Any
 
 import attrs
@@ -11,40 +10,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
-from ..base import npz
+from ..base import npz, plain
 from ..base.checks import Array, real, sample_times
 from ..base.naming import ByPulley
 from ..base.run_options import USUAL, Options
-from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.motions import MotionLike
 from ..loads.torques import TorqueLike, Viscous
 from ..outputs.accuracy_report import WORDS, Expected
 from ..outputs.selection import chosen
-from ..outputs.state import SIZES, State, from_file
+from ..outputs.state import SIZES, State
 
 __all__ = ["Start", "pack", "span", "unpack"]
 
 #: Those in text; times are an array.
 _OPTIONS = {name: row for name, row in Options.rows().items() if row.kind is not np.ndarray}
-_KIND: dict[str, tuple[type, ...]] = {
-    "version": (str,),
-    "kernels": (str,),
-    "torque": (bool,),
-    "motion": (bool, type(None)),
-    "t_end": (float,),
+_KIND: dict[str, Any] = {
+    "version": str,
+    "kernels": str,
+    "torque": bool,
+    "motion": bool | None,
+    "t_end": float,
     **{
-        name: (row.kind,) if getattr(USUAL, name) is not None else (row.kind, type(None))
+        name: row.kind if getattr(USUAL, name) is not None else row.kind | None
         for name, row in _OPTIONS.items()
     },
-    "expected": (list, type(None)),
-    "outputs": (list, type(None)),
-    "settle_time": (float,),
-    "every": (float,),
-    "t": (float,),
-    "residual": (float, type(None)),
+    "expected": list | None,
+    "outputs": tuple[str, ...] | None,
+    "settle_time": float,
+    "every": float,
+    "t": float,
+    "residual": float | None,
 }
-_INITIAL = {f"initial.{name}": name for name, *_ in _core.STATE_FIELDS}
+_INITIAL = {f"initial.{name}": name for name in SIZES}
 _NAMES = {"meta.json", "scene.toml", "t_eval", "breakpoints", *_INITIAL}
 
 
@@ -121,14 +119,15 @@ def unpack(content: bytes) -> tuple[Start, float]:
     arrays = npz.unpack(content, _NAMES)
     for name in _NAMES - set(arrays):
         raise ValueError(f"{name} is missing")
-    meta = _meta(npz.text("meta.json", arrays["meta.json"]))
+    meta = _meta(arrays["meta.json"])
     # With a line break it is always read as text, never as the path of another file.
     scene = Scene.from_toml(npz.text("scene.toml", arrays["scene.toml"]) + "\n")
     numbers = {
         name: npz.number_array(name, arrays[name], np.float64, (arrays[name].size,))
         for name in ("t_eval", "breakpoints")
     }
-    initial = _initial(arrays, meta, scene.params)
+    initial = State._of_file(arrays, "initial.", t=meta["t"], residual=meta["residual"])
+    initial.check_fits(scene.params)
     begin, end = span(initial, meta["t_end"])
     start = Start(
         scene=Scene(
@@ -143,7 +142,7 @@ def unpack(content: bytes) -> tuple[Start, float]:
         options=Options(
             **{name: meta[name] for name in _OPTIONS}, breakpoints=numbers["breakpoints"]
         ),
-        expected=_expected(meta["expected"]),
+        expected=meta["expected"],
         settle_time=meta["settle_time"],
         kernels=meta["kernels"],
         has_motion=meta["motion"] is not None,
@@ -172,37 +171,17 @@ def _texts(scene: Scene) -> tuple[str, bool, bool | None]:
     return whole, torque, motion
 
 
-def _meta(content: str) -> dict[str, Any]:
-    try:
-        table = json.loads(content)
-    except (ValueError, RecursionError) as error:
-        raise ValueError(f"meta.json is not valid JSON: {error}") from None
-    version = table.get("version") if isinstance(table, dict) else None
+def _meta(content: NDArray[Any]) -> dict[str, Any]:
+    found = plain.parse("meta.json", content)
+    version = found.get("version")
     if version != _core.__version__ and isinstance(version, str):
         raise ValueError(
             f"it was written by beltdyn {version:.40}, and this is {_core.__version__}: a run goes "
             "on in the version that began it"
         )
-    if not isinstance(table, dict) or set(table) != set(_KIND):
-        raise ValueError("meta.json does not hold what it should")
-    for name, kinds in _KIND.items():
-        if type(table[name]) not in kinds:
-            raise ValueError(f"meta.json: {name} is of another kind than it should be")
-    return table
-
-
-def _expected(values: list[Any] | None) -> Expected | None:
-    if values is None:
-        return None
-    if [type(one) for one in values] != [str, float, float] or values[0] not in WORDS:
-        raise ValueError("meta.json: expected is of another kind than it should be")
-    return Expected(quantity=values[0], space=values[1], time=values[2])
-
-
-def _initial(arrays: Mapping[str, NDArray[Any]], meta: Mapping[str, Any], params: Params) -> State:
-    fields = {
-        name: from_file(saved, SIZES[name], arrays[saved]) for saved, name in _INITIAL.items()
-    }
-    state = State(**fields, t=meta["t"], residual=meta["residual"])
-    state.check_fits(params)
-    return state
+    meta: dict[str, Any] = plain.table(_KIND, "meta.json", found, prefix="")
+    if (expected := meta["expected"]) is not None:
+        if [type(one) for one in expected] != [str, float, float] or expected[0] not in WORDS:
+            raise ValueError("meta.json: expected is of another kind than it should be")
+        meta["expected"] = Expected(quantity=expected[0], space=expected[1], time=expected[2])
+    return meta

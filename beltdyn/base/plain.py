@@ -1,0 +1,96 @@
+"""Values read from JSON, checked by the annotations of what they stand for."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from types import NoneType, UnionType
+from typing import Any, get_args, get_origin
+
+import attrs
+from numpy.typing import NDArray
+
+from . import npz
+
+__all__ = ["check", "parse", "table"]
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list)
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_bool(value: Any) -> bool:
+    return isinstance(value, bool)
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
+
+
+def _is_number(value: Any) -> bool:
+    known = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return known and abs(value) <= sys.float_info.max
+
+
+_PLAIN = {
+    str: (_is_text, "a text"),
+    bool: (_is_bool, "true or false"),
+    int: (_is_count, "a count"),
+    float: (_is_number, "a finite number"),
+    list: (_is_list, "a list"),
+}
+
+
+def parse(name: str, content: NDArray[Any]) -> dict[str, Any]:
+    """Return the table that a text in a file of arrays holds."""
+    text = npz.text(name, content)
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{name} is not valid JSON: {error}") from None
+    check(isinstance(found, dict), name, "a table", found)
+    return dict(found)
+
+
+def check(good: bool, name: str, rule: str, value: object) -> None:
+    """Raise ValueError unless a value is good."""
+    if not good:
+        raise ValueError(f"{name} must be {rule}, got {type(value).__name__} {value!r:.60}")
+
+
+def table(kinds: Mapping[str, Any], name: str, value: Any, prefix: str | None = None) -> Any:
+    """Return the values of a table that has exactly these entries, each as its annotation says.
+
+    Messages call an entry by ``prefix`` and its name, by that of the table where it is None.
+    """
+    check(isinstance(value, dict), name, "a table", value)
+    if unknown := set(value) - set(kinds):
+        raise ValueError(f"{name} holds {min(unknown)!r}, which does not belong there")
+    for key in kinds:
+        if key not in value:
+            raise ValueError(f"{name}.{key} is missing")
+    prefix = f"{name}." if prefix is None else prefix
+    return {key: _built(kind, f"{prefix}{key}", value[key]) for key, kind in kinds.items()}
+
+
+def _built(kind: Any, name: str, value: Any) -> Any:
+    if isinstance(kind, UnionType):
+        [kind] = (one for one in get_args(kind) if one is not NoneType)
+        return None if value is None else _built(kind, name, value)
+    if get_origin(kind) is tuple:
+        check(_is_list(value), name, "a list", value)
+        kind = get_args(kind)[0]
+        return tuple(_built(kind, f"{name}[{k}]", one) for k, one in enumerate(value))
+    if attrs.has(kind):
+        fields = attrs.fields(attrs.resolve_types(kind))
+        return kind(**table({field.name: field.type for field in fields}, name, value))
+    is_good, rule = _PLAIN[kind]
+    check(is_good(value), name, rule, value)
+    if kind is str and any("\ud800" <= character <= "\udfff" for character in value):
+        raise ValueError(f"{name} holds invalid characters")
+    return kind(value)
