@@ -38,7 +38,7 @@ MOVED = {
     "accuracy.verification": "verification.verification",
     "columns": "base.tables",
     "cli.figures": "cli.figures_command",
-    "cli.resuming": "cli.resume_command",
+    "cli.resuming": "cli.commands",
     "cli.sweeping": "cli.sweep_command",
     "escaped": "loads.callback_errors",
     "explaining.text": "explaining.explanation_text",

@@ -119,7 +119,7 @@ def one_of(name: str, value: object, choices: Sequence[str]) -> str:
     if not isinstance(value, str):
         raise TypeError(rule)
     if value not in choices:
-        raise ValueError(rule)
+        raise ValueError(f"{rule}{close_to(value, choices)}")
     return str(value)
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import inspect
 import re
 import textwrap
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import wraps
 from typing import Any, TypeVar, cast
 
@@ -33,14 +33,14 @@ def describe(cls: Any) -> None:
     Misspelt arguments, of its methods too, are then answered with the names that there are.
     """
     for name, one in vars(cls).copy().items():
-        if inspect.isfunction(one) and not name.startswith("_") and not hasattr(one, "__wrapped__"):
+        if inspect.isfunction(one) and not name.startswith("_"):
             setattr(cls, name, suggesting(one))
     if attrs.has(cls):
         fields = attrs.fields(cls)
         types = {one.alias: one.type for one in fields if one.init and one.type is not None}
         cls.__init__.__annotations__ = {**types, "return": None}
-        cls.__init__ = _naming_fields(  # type: ignore[method-assign]
-            cls.__init__, cls.__name__, types
+        cls.__init__ = suggesting(  # type: ignore[method-assign]
+            cls.__init__, cls.__name__, list(types)
         )
         _give_texts(cls, [one.name for one in fields])
         for owner in filter(attrs.has, cls.__mro__):
@@ -52,55 +52,19 @@ def describe(cls: Any) -> None:
             for name, kind in cls.__annotations__.items()
         }
         cls.__new__.__annotations__ = types
-        cls.__new__ = _naming_fields(cls.__new__, cls.__name__, types)
+        cls.__new__ = suggesting(cls.__new__, cls.__name__, list(types))
         texts = _texts(cls)
         for name in cls._fields:
             getattr(cls, name).__doc__ = texts.get(name)
 
 
-def _naming_fields(make: Any, cls: str, known: Collection[str]) -> Callable[..., Any]:
-    """Return ``__init__`` or ``__new__`` of a class with errors that list its fields."""
-    if hasattr(make, "__wrapped__"):  # described already
-        return cast(Callable[..., Any], make)
+def suggesting(function: _Function, cls: str = "", fields: Sequence[str] = ()) -> _Function:
+    """Decorate a function: arguments that it does not have are answered with those that are meant.
 
-    def explain(args: tuple[Any, ...], given: Mapping[str, Any]) -> str | None:
-        for name in given:
-            if name not in known:
-                return f"{cls}.{name}: {unknown_field(name, known)}"
-        most = sum(map(_is_positional, inspect.signature(make).parameters.values())) - 1
-        if len(args) - 1 <= most:  # the class itself is among them
-            return None
-        return (
-            f"{cls} takes {most} positional argument(s), got {len(args) - 1}: give the others by "
-            f"name; the fields are {', '.join(known)}"
-        )
-
-    return _explaining(make, explain)
-
-
-def suggesting(function: _Function) -> _Function:
-    """Decorate a function: an argument that it does not have is answered with a similar one."""
-
-    def explain(_args: tuple[Any, ...], given: Mapping[str, Any]) -> str | None:
-        known = [name for name in inspect.signature(function).parameters if name != "self"]
-        for name in given:
-            if name not in known:
-                hint = close_to(name, known) or f"; it takes {', '.join(known) or 'none'}"
-                called = f"{function.__qualname__}()"
-                return f"{called} got an unexpected keyword argument {name!r}{hint}"
-        return None
-
-    return cast(_Function, _explaining(function, explain))
-
-
-def _is_positional(parameter: inspect.Parameter) -> bool:
-    return parameter.kind in (parameter.POSITIONAL_ONLY, parameter.POSITIONAL_OR_KEYWORD)
-
-
-def _explaining(
-    function: Any, explain: Callable[[tuple[Any, ...], Mapping[str, Any]], str | None]
-) -> Callable[..., Any]:
-    """Return the function with other words where its arguments do not fit its signature."""
+    What makes instances of a class says of its fields.
+    """
+    if hasattr(function, "__wrapped__"):  # decorated already
+        return function
 
     @wraps(function)
     def checked(*args: Any, **given: Any) -> Any:
@@ -108,12 +72,33 @@ def _explaining(
             return function(*args, **given)
         except TypeError as error:
             began = error.__traceback__ is not None and error.__traceback__.tb_next is not None
-            text = None if began else explain(args, given)
+            text = None if began else _misfit(function, args, given, cls, fields)
             if text is None:
                 raise
         raise TypeError(text)
 
-    return checked
+    return cast(_Function, checked)
+
+
+def _misfit(
+    function: Any, args: Any, given: Iterable[str], cls: str, fields: Sequence[str]
+) -> str | None:
+    """Describe which arguments a function does not take; None: Python's own words are best."""
+    takes = inspect.signature(function).parameters
+    known = fields or [name for name in takes if name != "self"]
+    for name in given:
+        if name not in known and cls:
+            return f"{cls}.{name}: {unknown_field(name, known)}"
+        if name not in known:
+            hint = close_to(name, known) or f"; it takes {', '.join(known) or 'none'}"
+            return f"{function.__qualname__}() got an unexpected keyword argument {name!r}{hint}"
+    most = sum(one.kind is one.POSITIONAL_OR_KEYWORD for one in takes.values()) - 1
+    if not cls or len(args) - 1 <= most:  # the class or its instance is one of them
+        return None
+    return (
+        f"{cls} takes {most} positional argument(s), got {len(args) - 1}: give the others by "
+        f"name; the fields are {', '.join(known)}"
+    )
 
 
 def describe_all(objects: Iterable[Any]) -> None:

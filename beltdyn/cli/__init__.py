@@ -9,11 +9,9 @@ from __future__ import annotations
 
 from .commands import main
 from .figures_command import draw_figures
-from .resume_command import resume_run
 from .sweep_command import sweep_scene
 
 __all__ = ["main"]
 
 main.add_command(draw_figures)
-main.add_command(resume_run)
 main.add_command(sweep_scene)

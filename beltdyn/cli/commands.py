@@ -1,4 +1,4 @@
-"""The commands on a scene: show, run, accuracy, explain; the list of scenes."""
+"""The commands on a scene: show, run, resume, accuracy, explain; the list of scenes."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from ..base.run_warnings import silenced
 from ..base.tables import columns
 from ..drive.parts import CHOOSE
 from ..drive.scene import Scene
-from ..run.checkpoints import Checkpoint, Fresh
+from ..run.checkpoints import Checkpoint, Continued, Fresh
+from ..run.resuming import resume
 from ..run.simulation import simulate
 from ..scenes.hard_scenes import SCENES as HARD
 from ..scenes.hard_scenes import HardScene
 from ..verification.quantities import QUANTITIES
 from .command_options import PATH, QUIET_RUN, Asked, Option, options
 from .ending import BAD_INPUT, Group, interruptible, reported, stop
-from .printed import check_share, finish, running
-from .written import check_files, save_figure, write_files
+from .written import check_files, check_share, finish, running, save_figure, write_files
 
 __all__ = ["main"]
 
@@ -86,21 +86,17 @@ def _list_hard(family: str) -> None:
     """List the hard scenes of a family, or "all"."""
     families = list(dict.fromkeys(one.family for one in HARD.values()))
     if family not in ("all", *families):
-        stop(
-            f"--hard: no family is called {family!r}{close_to(family, families)}; there are "
-            f"{', '.join(families)}",
-            BAD_INPUT,
-        )
+        there = f"{close_to(family, families)}; there are {', '.join(families)}"
+        stop(f"--hard: no family is called {family!r}{there}", BAD_INPUT)
     found = [one for one in HARD.values() if family in ("all", one.family)]
     click.echo(f"{len(found)} scenes made to break an integrator; run one: beltdyn run hard/NAME")
     width = max(map(len, HARD))
     for name, group in groupby(found, key=lambda one: one.family):
-        rows = [(f"{one.name:<{width}}", f"{one.provokes}{_ends(one)}") for one in group]
+        rows = [
+            (f"{one.name:<{width}}", one.provokes + (" [ends in an error]" if one.expects else ""))
+            for one in group
+        ]
         click.echo("\n".join(["", name, *columns(rows, "<", width=96)]))
-
-
-def _ends(scene: HardScene) -> str:
-    return "" if scene.expects is None else " [ends in an error]"
 
 
 def _find(asked: Asked) -> Scene | HardScene:
@@ -261,6 +257,34 @@ def _check_together(asked: Asked) -> None:
         for other in others:
             if getattr(asked, one) is not None and asked.given(other):
                 stop(message.format(other), BAD_INPUT)
+
+
+@main.command("resume")
+@click.argument("file", type=PATH)
+@options(
+    "out plot animate last",
+    Option("checkpoint_every", float, "Wall time between two writes of FILE [s]."),
+    "full verbose",
+    QUIET_RUN,
+)
+def resume_run(asked: Asked) -> None:
+    """Go on with the run in FILE, which `beltdyn run --checkpoint FILE` wrote, as if not stopped.
+
+    The result is that of the whole run, the same bit for bit; of a run that had finished it is
+    given again. FILE is written on, so that this may be killed as well.
+    """
+    file = asked.file
+    check_share(asked.last)
+    check_files(asked)
+    if file in (asked.out, asked.plot, asked.animate):
+        stop(f"{file} is the run itself: write to another file", BAD_INPUT)
+    if asked.plot is not None or asked.animate is not None:
+        with reported(), Continued(file, write=False, every=None) as run:
+            if run.start.outputs is not None:
+                stop("--plot and --animate draw from all outputs, the run has some", BAD_INPUT)
+    with reported("read or write"), running(asked, file):
+        result = resume(file, progress=not asked.quiet, every=asked.checkpoint_every)
+    finish(asked, file, result, file)
 
 
 @main.command("accuracy")

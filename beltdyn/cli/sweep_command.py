@@ -104,65 +104,61 @@ def _executor(workers: int | None, scheduler: str | None) -> Any:
         stop(f"--scheduler {scheduler}: {error}", FAILED)
 
 
-def _rows(data: Any, name: str) -> Iterator[tuple[str, Any]]:
-    """Yield a quantity over all runs, for each pulley or span if it has few of them."""
-    values = data[name]
-    own = [dim for dim in values.dims if dim not in data["status"].dims]
-    if len(own) != 1 or own[0] not in data.coords or data.sizes[own[0]] > _FEW:
-        yield "", values.values.ravel()
-        return
-    for label in data[own[0]].values:
-        yield str(label), values.sel({own[0]: label}).values.ravel()
+def _measured(data: Any) -> Iterator[tuple[str, str, str, Any]]:
+    """Yield name, pulley or span (if there are few), unit and values in all runs of each number."""
+    for key, values in data.data_vars.items():
+        unit = values.attrs.get("units", "")
+        if values.dtype.kind != "f":
+            continue
+        own = [dim for dim in values.dims if dim not in data["status"].dims]
+        if len(own) != 1 or own[0] not in data.coords or data.sizes[own[0]] > _FEW:
+            yield str(key), "", unit, values.values.ravel()
+            continue
+        for label in data[own[0]].values:
+            yield str(key), str(label), unit, values.sel({own[0]: label}).values.ravel()
 
 
-def _print_cases(data: Any, numbers: list[Any]) -> bool:
-    """Print a row for each run, of what was changed and measured; return whether there was room."""
-    runs, dims = data["status"].size, data["status"].dims
-    over = [name for name in data.coords if data[name].dims and set(data[name].dims) <= set(dims)]
-    measured = [(str(name), *row) for name in numbers for row in _rows(data, str(name))]
-    whole = all(values.size == runs for *_, values in measured)
-    if not whole or len(over) + len(measured) > _COLUMNS:
-        return False
+def _cases(data: Any, over: list[Any], measured: list[Any]) -> list[tuple[str, ...]]:
+    """Return a row for each run, of what was changed and measured, below the parts of its names."""
+    dims = data["status"].dims
     heads, cells = [], []
     for name in over:
         values = data[name].broadcast_like(data["status"]).transpose(*dims).values.ravel()
         heads.append(str(name).split("."))
         cells.append([f"{one:.6g}" if isinstance(one, float) else str(one) for one in values])
-    for name, row, values in measured:
-        units = data[name].attrs.get("units", "1")
-        heads.append([*name.split("."), *filter(None, [row, units.removesuffix("1")])])
+    for name, of, unit, values in measured:
+        heads.append([*name.split("."), *filter(None, [of, unit.removesuffix("1")])])
         cells.append(["-" if np.isnan(one) else f"{one:.4g}" for one in values])
     high = max(map(len, heads))
     heads = [[""] * (high - len(one)) + one for one in heads]
-    for line in columns([*zip(*heads, strict=True), *zip(*cells, strict=True)]):
-        click.echo(line)
-    return True
+    return [*zip(*heads, strict=True), *zip(*cells, strict=True)]
 
 
-def _print_range(data: Any, numbers: list[Any]) -> None:
-    """Print least, mean and most of each quantity."""
-    cells = []
-    for name in numbers:
-        units = data[name].attrs.get("units", "")
-        for k, (row, values) in enumerate(_rows(data, str(name))):
-            known = values[np.isfinite(values)]
-            ends = 3 * ["-"]
-            if known.size:
-                ends = [f"{one:.4g}" for one in (known.min(), known.mean(), known.max())]
-            if np.isinf(values).any():  # such as margins of pulleys without a load
-                ends[2] = f"inf: {int(np.isinf(values).sum())}"
-            cells.append([*(("", row, "") if k else (str(name), row, units)), *ends])
-    widest = max(map(len, map(str, numbers)), default=1)
-    heading = ("quantity", "of", "unit", "least", "mean", "most")
-    framed("over all runs", cells, heading, "<<<>", widest)
+def _ranges(measured: list[Any]) -> Iterator[tuple[str, ...]]:
+    """Yield least, mean and most of each quantity, which is named once."""
+    before = ""
+    for name, of, unit, values in measured:
+        known = values[np.isfinite(values)]
+        ends = 3 * ["-"]
+        if known.size:
+            ends = [f"{one:.4g}" for one in (known.min(), known.mean(), known.max())]
+        if np.isinf(values).any():  # such as margins of pulleys without a load
+            ends[2] = f"inf: {int(np.isinf(values).sum())}"
+        yield (*(("", of, "") if name == before else (name, of, unit)), *ends)
+        before = name
 
 
 def _print(swept: Swept, seconds: float) -> None:
-    data = swept.dataset
-    numbers = [name for name in data.data_vars if data[name].dtype.kind == "f"]
-    status = data["status"].values.ravel()
-    if status.size > _FEW or not _print_cases(data, numbers):
-        _print_range(data, numbers)
+    data, measured = swept.dataset, list(_measured(swept.dataset))
+    status, dims = data["status"].values.ravel(), set(data["status"].dims)
+    over = [name for name in data.coords if data[name].dims and set(data[name].dims) <= dims]
+    whole = all(values.size == status.size for *_, values in measured)
+    if whole and status.size <= _FEW and len(over) + len(measured) <= _COLUMNS:
+        click.echo("\n".join(columns(_cases(data, over, measured))))
+    else:
+        widest = max((len(name) for name, *_ in measured), default=1)
+        heading = ("quantity", "of", "unit", "least", "mean", "most")
+        framed("over all runs", _ranges(measured), heading, "<<<>", widest)
     total = sum(swept.counts.values())
     parts = ", ".join(f"{count} {status}" for status, count in swept.counts.items())
     computed = f"{swept.computed} computed by {swept.workers} in {seconds:.3g} s"

@@ -11,7 +11,7 @@ from statistics import NormalDist
 import attrs
 import numpy as np
 
-from ..base.checks import Array, flag, real
+from ..base.checks import Array, flag, one_of, real
 from ..base.rounding import percent
 from ..base.tables import columns
 from ..drive.params import Params
@@ -290,8 +290,7 @@ class Identification:
         Raises:
             ValueError: No such unit.
         """
-        if unit not in ("relative", "sigma"):
-            raise ValueError(f'unit must be "relative" or "sigma", got {unit!r}')
+        one_of("unit", unit, ("relative", "sigma"))
         rows: list[str] = []
         values: list[Array] = []
         at = 0

@@ -23,7 +23,6 @@ from .experiment import Target
 from .findings import Identification, IdentificationInterrupted
 from .free import Free, Parameter, resolve
 from .options import Options
-from .outlier_weights import cost_and_weights
 from .trials import Rig, Trial
 
 __all__ = ["identify"]
@@ -328,7 +327,7 @@ class _Search:
             least = (_LEAST * self._size(name)) ** 2
             total += off.size * np.log(max(float(np.mean(off**2)), least))
         if known.any():
-            total += 2.0 * cost_and_weights(rows[known], self._options.loss)[0]
+            total += 2.0 * linear.cost_and_weights(rows[known], self._options.loss)[0]
         return float(total)
 
     def mesh(self) -> tuple[Array | None, str]:
@@ -387,7 +386,7 @@ class _Search:
     def _compare(self, trial: Trial) -> None:
         """Keep a trial if it is the best of this search."""
         if trial.error is None:
-            cost = cost_and_weights(self._rows(trial), self._options.loss)[0]
+            cost = linear.cost_and_weights(self._rows(trial), self._options.loss)[0]
             if cost < self._best_cost:
                 self.best, self._best_cost = trial, cost
         self._show()
@@ -480,7 +479,7 @@ class _Search:
         best, options, rig, parts = self.best, self._options, self.rig, self._parameters
         assert best.params is not None
         residuals, jacobian = self._rows(best), self._jacobian
-        cost, weights = cost_and_weights(residuals, options.loss)
+        cost, weights = linear.cost_and_weights(residuals, options.loss)
         weighted = jacobian * np.sqrt(weights)[:, None]
         dof = np.inf
         if self._unknown and np.isfinite(weighted).all():

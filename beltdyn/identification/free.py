@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from itertools import combinations
+from typing import Any
 
 import attrs
 import numpy as np
@@ -69,11 +71,7 @@ class Free:
 
 @attrs.frozen
 class Parameter:
-    """A free parameter with its start, scale and limits resolved.
-
-    Its coordinate is u = 1 + ln(value/start) or u = 1 + (value - start)/size, so every search
-    begins at ones and a change of 1 is large.
-    """
+    """A free parameter of a drive; searches begin at the coordinate 1, a change of 1 is large."""
 
     name: str
     start: float
@@ -105,18 +103,16 @@ class Parameter:
 
 
 def _start(params: Params, free: Free) -> float:
+    """Return where to begin: as given, or the value that all places of the name have."""
+    found: list[Any] = [] if free.set is not None else read(params, free.name)
     if free.start is not None:
         return free.start
-    found = read(params, free.name)
     for value in found:
         if not isinstance(value, float):
-            several = isinstance(value, tuple) and all(isinstance(one, float) for one in value)
-            first = f"{free.name}[0]"
-            hint = (
-                f" (name one of them, such as {first!r})"
-                if several
-                else close_to(free.name, numbers(params))
-            )
+            hint = close_to(free.name, numbers(params))
+            if isinstance(value, tuple) and all(isinstance(one, float) for one in value):
+                first = f"{free.name}[0]"
+                hint = f" (name one of them, such as {first!r})"
             raise ValueError(
                 f"{free.name} cannot be free: it is not a real number but {value!r}{hint}"
             )
@@ -127,15 +123,11 @@ def _start(params: Params, free: Free) -> float:
 
 
 def _resolve(params: Params, free: Free) -> Parameter:
-    if free.set is None:
-        read(params, free.name)
     start = _start(params, free)
     rule = rule_of(params, free.name) if free.set is None else None
     kind = rule.rule if rule else ""
     bounded = kind in ("POSITIVE", "POSITIVES", "NONNEGATIVE")
-    log = start > 0.0 and bounded
-    if free.scale is not None:
-        log = free.scale == "log"
+    log = start > 0.0 and bounded if free.scale is None else free.scale == "log"
     least = 0.0 if log or bounded else -math.inf
     low = max(least, -math.inf if free.lower is None else free.lower)
     high = math.inf if free.upper is None else free.upper
@@ -165,12 +157,11 @@ def resolve(params: Params, free: Iterable[Free | str]) -> tuple[Parameter, ...]
     if not listed:
         raise ValueError("free must hold at least one parameter")
     found = tuple(_resolve(params, part) for part in listed)
-    for k, part in enumerate(found):
-        if part.name in [other.name for other in found[:k]]:
-            raise ValueError(f"free holds {part.name!r} twice")
-        for other in found[:k]:
-            if part.set is None and other.set is None and overlap(params, part.name, other.name):
-                raise ValueError(f"free holds {other.name!r} and {part.name!r}, which overlap")
+    for one, other in combinations(found, 2):
+        if one.name == other.name:
+            raise ValueError(f"free holds {one.name!r} twice")
+        if one.set is None and other.set is None and overlap(params, one.name, other.name):
+            raise ValueError(f"free holds {one.name!r} and {other.name!r}, which overlap")
     return found
 
 

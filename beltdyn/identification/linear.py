@@ -1,16 +1,28 @@
-"""The linearised problem: covariance, and directions that the data do not determine."""
+"""The linearised problem: weights, covariance, directions that the data do not determine."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from importlib import import_module
 
 import attrs
 import numpy as np
 
 from ..base.checks import Array
 
-__all__ = ["Combination", "combinations", "correlation", "covariance", "leverage"]
+__all__ = [
+    "LOSSES",
+    "Combination",
+    "combinations",
+    "correlation",
+    "cost_and_weights",
+    "covariance",
+    "leverage",
+]
+
+#: Losses of ``scipy.optimize.least_squares`` whose cost grows without bound with the residual.
+LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 #: Singular values below this share of the largest are rounding errors.
 _RANK = 1e-9
@@ -48,6 +60,28 @@ class Combination:
         words = [f"{name} {'up' if weight * first[1] > 0 else 'down'}" for name, weight in others]
         text = f"{first[0]} up with {', '.join(words)}"
         return text if self.correlation is None else f"{text} (correlation {self.correlation:.3f})"
+
+
+def cost_and_weights(residuals: Array, loss: str) -> tuple[float, Array]:
+    """Return the cost, 1/2 sum rho(f^2), and the weights rho'(f^2) of residuals f.
+
+    SciPy has no public functions for its losses, but it returns the cost and its gradient at the
+    starting point of a search. For the identity as a function of f the gradient is rho'(f^2) f. The
+    cost is infinite if a residual is not finite.
+    """
+    if not np.isfinite(residuals).all():
+        return np.inf, np.zeros_like(residuals)
+    size = residuals.size
+    at_start = import_module("scipy.optimize").least_squares(
+        lambda f: f,
+        residuals,
+        jac=lambda _: import_module("scipy.sparse").eye_array(size, format="csr"),
+        loss=loss,
+        max_nfev=1,
+    )
+    is_zero = residuals == 0.0
+    weights = at_start.grad / np.where(is_zero, 1.0, residuals)
+    return float(at_start.cost), np.where(is_zero, 1.0, weights)
 
 
 def _split(jacobian: Array) -> tuple[Array, Array, int]:

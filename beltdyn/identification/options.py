@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any, Self
 
 import attrs
@@ -11,7 +10,7 @@ import attrs
 from ..base.checks import flag, integer, one_of, pair, positive, real
 from .findings import confidence_of
 from .free import Parameter
-from .outlier_weights import LOSSES
+from .linear import LOSSES
 
 __all__ = ["Options"]
 
@@ -28,40 +27,30 @@ def _share(value: object) -> float:
     return real("diff_step", value)
 
 
-#: The check of each argument.
-_CHECKS: dict[str, Callable[[Any], Any]] = {
-    "confidence": confidence_of,
-    "limit": _factor,
-    "jac": partial(one_of, "jac", choices=("3-point", "2-point")),
-    "diff_step": _share,
-    "tol": partial(positive, "tol"),
-    "max_nfev": partial(integer, "max_nfev", least=1),
-    "starts": partial(integer, "starts", least=1),
-    "mesh": partial(flag, "mesh"),
-    "loss": partial(one_of, "loss", choices=LOSSES),
-}
+def _checked(name: str, check: Callable[..., Any], *rule: Any) -> Any:
+    return attrs.field(converter=lambda value: check(name, value, *rule))
 
 
 @attrs.frozen(kw_only=True)
 class Options:
     """Arguments of :func:`beltdyn.identify`; of each prior index, coordinate and its deviation."""
 
-    confidence: float
-    limit: float
-    jac: str
-    diff_step: float
-    tol: float
-    max_nfev: int
-    starts: int
-    mesh: bool
-    loss: str
+    confidence: float = attrs.field(converter=confidence_of)
+    limit: float = attrs.field(converter=_factor)
+    jac: str = _checked("jac", one_of, ("3-point", "2-point"))
+    diff_step: float = attrs.field(converter=_share)
+    tol: float = _checked("tol", positive)
+    max_nfev: int = _checked("max_nfev", integer, 1)
+    starts: int = _checked("starts", integer, 1)
+    mesh: bool = _checked("mesh", flag)
+    loss: str = _checked("loss", one_of, LOSSES)
     prior: tuple[tuple[int, float, float], ...]
 
     @classmethod
     def among(cls, given: Mapping[str, Any], parameters: Sequence[Parameter]) -> Self:
         """Return those among the arguments, checked."""
-        checked = {name: check(given[name]) for name, check in _CHECKS.items()}
-        return cls(**checked, prior=_prior(parameters, given["prior"]))
+        named = {field.name: given[field.name] for field in attrs.fields(cls)}
+        return cls(**named | {"prior": _prior(parameters, given["prior"])})
 
 
 def _prior(

@@ -31,21 +31,13 @@ __all__ = ["Rig", "Trial"]
 
 @attrs.frozen(eq=False, kw_only=True)
 class Trial:
-    """Results of the experiments at a point, or why they cannot be simulated there.
-
-    Attributes:
-        u: The point: coordinates of the free parameters (n_free,).
-        y: Every computed number (n,), empty after an error.
-        error: Why there are no numbers, or None.
-        params: The drive there.
-        results: The runs, one per experiment, if they were kept.
-    """
+    """Results of the experiments at the coordinates ``u``, or why there are none."""
 
     u: Array
-    y: Array
+    y: Array  # every computed number (n,), empty after an error
     error: Exception | None = None
     params: Params | None = None
-    results: tuple[Result, ...] = ()
+    results: tuple[Result, ...] = ()  # one per experiment, if they were kept
 
 
 @attrs.frozen(eq=False)
@@ -70,14 +62,7 @@ def _rows(result: Result, rows: Any) -> Result:
 
 
 class Rig:
-    """All experiments, with all measured numbers in one vector.
-
-    Attributes:
-        targets: The targets by name.
-        slices: Where the numbers of each target are in the vector.
-        labels: A name for every number of the vector.
-        runs: Runs simulated so far.
-    """
+    """All experiments, with all measured numbers in one vector."""
 
     def __init__(
         self, params: Params, parameters: Sequence[Parameter], targets: object, pool: Pool
@@ -87,6 +72,7 @@ class Rig:
         self._pool = lambda: nullcontext(pool)  # for the runs of all points
         self._runs = _arrange(params, _checked(targets))
         self.experiments = tuple(run.name for run in self._runs)
+        #: By name; the place of each in the vector, and a name for every number of it.
         self.targets: dict[str, Target] = {}
         for run in self._runs:
             for name, target in run.targets:
@@ -101,7 +87,7 @@ class Rig:
         self.labels = tuple(
             label for name, target in self.targets.items() for label in target.labels(name)
         )
-        self.runs = 0
+        self.runs = 0  # simulated so far
 
     def try_all(
         self, points: Sequence[Array], *, keep: bool = False, refine: int = 1

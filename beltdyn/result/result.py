@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _core
 from ..base import tables
-from ..base.checks import Array, close_to, flag, real_array
+from ..base.checks import Array, flag, one_of, real_array
 from ..base.naming import span_names, with_names
 from ..base.rounding import rounded
 from ..base.run_warnings import RunWarning
@@ -196,12 +196,7 @@ class Result(Sampled):
             if one not in ("pulley", "phi", "flow", "passed")
             and f"{group}.{one}" not in self._lacking
         ]
-        if not isinstance(name, str):
-            raise TypeError(f"name must be a str, got {type(name).__name__}")
-        if name not in known:
-            raise ValueError(
-                f"name must be one of {', '.join(known)}, got {name!r}{close_to(name, known)}"
-            )
+        one_of("name", name, known)
         asked = None if places is None else real_array("places", places, ndim=1)
         length = self.params.route.length
         if asked is not None and asked.size and not 0.0 <= asked.min() <= asked.max() <= length:

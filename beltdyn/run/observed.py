@@ -34,14 +34,7 @@ TURNED = 0.1
 
 
 def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ...]:
-    """Return the warnings of a run's samples: no_friction, mesh, full_slip, slack_span, and so on.
-
-    Those alone that show in the outputs that the run was asked for (``Result.unchecked``).
-
-    Args:
-        result: A run, finished or not.
-        moved: Pulleys whose motion is prescribed, whose torque nobody has set.
-    """
+    """Return the warnings that show in a run's samples; ``moved``: pulleys without set torque."""
     if result.t.size == 0:
         return tuple(_mesh(result))
     with np.errstate(all="ignore"):  # a failed run may end with huge numbers

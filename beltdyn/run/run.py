@@ -179,7 +179,11 @@ class Run:
             if not finishing:
                 recorder.end(sim, sound=callback_errors.error is None)
             if isinstance(raised, KeyboardInterrupt):
-                raise self._interrupted() from raised
+                why = f"interrupted at t = {sim.time:.6g} s"
+                ended = Interrupted(why, self.collect("interrupted", why))
+                for note in recorder.hint:
+                    ended.add_note(note)
+                raise ended from raised
             if finishing:
                 raise
             whose = "a torque or motion function" if self._motions else "the torque function"
@@ -254,13 +258,6 @@ class Run:
             f"{message}; {again} steps of the length asked for had errors of many times a joint's "
             "stretch and were repeated with shorter ones: take a shorter step"
         )
-
-    def _interrupted(self) -> Interrupted:
-        message = f"interrupted at t = {self._sim.time:.6g} s"
-        error = Interrupted(message, self.collect("interrupted", message))
-        for note in self._recorder.hint:
-            error.add_note(note)
-        return error
 
 
 def _excused(one: RunWarning, error: float | None) -> str:

@@ -48,20 +48,7 @@ _NAMES = {"meta.json", "scene.toml", "t_eval", "breakpoints", *_INITIAL}
 
 @attrs.frozen(kw_only=True)
 class Start:
-    """How a run began.
-
-    Attributes:
-        scene: Drive, torque, end and motions. As read from a file, ``torque_fn`` and ``motion`` are
-            None where the file could not hold them, because they are functions.
-        initial: The state it began from.
-        t_eval: Sample times (n_t,) [s].
-        outputs: What is kept, as :func:`beltdyn.outputs.selection.chosen` returns it.
-        options: How it is integrated.
-        expected: Errors that pilot runs have shown.
-        settle_time: Wall time of settling before it [s].
-        kernels: Instruction level of the core.
-        has_motion: Whether motions are prescribed.
-    """
+    """How a run began; of one read from a file loads that were functions are None."""
 
     scene: Scene
     initial: State
@@ -69,7 +56,7 @@ class Start:
     outputs: tuple[str, ...] | None
     options: Options
     expected: Expected | None
-    settle_time: float
+    settle_time: float  # wall time [s]
     kernels: str = attrs.field(factory=_core.kernel_level)
     has_motion: bool = attrs.field()
 
@@ -151,14 +138,11 @@ def unpack(content: bytes) -> tuple[Start, float]:
 
 
 def _texts(scene: Scene) -> tuple[str, bool, bool | None]:
-    """Return a scene as TOML, with what can be written of its loads.
-
-    Also whether the torque is in it, and the motions, None if there are none. In the text the run
-    ends at 1 s, since those of other scenes may not end before 0.
-    """
+    """Return a scene as TOML; whether its torque is in it, and its motions (None: it has none)."""
 
     def text(torque: TorqueLike, motion: ByPulley[MotionLike] | None) -> str | None:
         try:
+            # the end of a scene is beyond 0, that of a run need not be
             return Scene(scene.params, torque, 1.0, motion).to_toml()
         except (KeyError, TypeError):  # a function, or a class of the user's own
             return None

@@ -37,7 +37,7 @@ from tiers import ci_if
 
 import beltdyn as bd
 from beltdyn.identification import linear
-from beltdyn.identification.outlier_weights import LOSSES, cost_and_weights
+from beltdyn.identification.linear import LOSSES, cost_and_weights
 
 pytestmark = COARSE
 
