@@ -481,6 +481,17 @@ def test_half_a_run_goes_on_as_it_was_or_not_at_all(
         f"{half}, or beltdyn.resume in Python), remove it, or choose another name",
     ):
         bd.simulate(*small()[:3], checkpoint=half)
+    damaged = half.with_name("damaged")
+    damaged.write_bytes(before)
+    with opened(damaged, write=True) as db:
+        db.execute("UPDATE parts SET content = zeroblob(length(content)) WHERE kind = 'rows'")
+        db.execute("COMMIT")
+    with refused(
+        ValueError,
+        f"checkpoint: there is a file {damaged} already; it is damaged: a checksum does not fit: "
+        "remove it, or choose another name",
+    ):
+        bd.simulate(*small()[:3], checkpoint=damaged)
     motion = {0: bd.PiecewiseLinear([0.0], [0.0])}
     for given in ((bd.Viscous([0.0, 17.0]),), (None, motion), (driven,)):
         with pytest.raises(ValueError, match=r"cannot go on from .* the record is of another run"):

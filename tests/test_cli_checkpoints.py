@@ -111,7 +111,10 @@ def test_what_is_refused(tmp_path: Path) -> None:
     there = tmp_path / "there"
     there.write_text("mine")
     for arguments, words in (
-        ((*short, "--checkpoint", "there"), "beltdyn resume there"),
+        (
+            (*short, "--checkpoint", "there"),
+            "there already; cannot go on from there: it is no checkp",
+        ),
         (("resume", "there"), "cannot go on from there: it is no checkpoint of a run"),
         (("resume", "none"), "cannot read or write none: No such file"),
         ((*short, "--checkpoint", "none/run"), "cannot read or write none/run: No such file"),

@@ -265,9 +265,8 @@ class Fresh(Recorder):
         super().__init__(checkpoint.path, checkpoint.every)
         if os.path.lexists(self.path):
             raise ValueError(
-                f"checkpoint: there is a file {self.path} already: go on with the run in it "
-                f"(beltdyn resume {self.path}, or beltdyn.resume in Python), remove it, or choose "
-                "another name"
+                f"checkpoint: there is a file {self.path} already{_use_of(self.path)}remove it, or "
+                "choose another name"
             )
         files.check_writable(self.path)
 
@@ -368,6 +367,12 @@ class Continued(Recorder):
         if touched.size and not -1 <= touched.min() <= touched.max() < n_p:
             raise ValueError(f"contact.pulley must be from -1 to {n_p - 1}")
 
+    def check(self) -> None:
+        """Raise ValueError if any part is damaged."""
+        for kind in (_ROWS, _RECORD):
+            for _ in self._contents(kind):
+                pass
+
     @contextmanager
     def _at_one_time(self) -> Iterator[None]:
         """Read what one write left, while another run writes."""
@@ -393,3 +398,15 @@ class Continued(Recorder):
 
     def _refusal(self, why: object) -> ValueError:
         return ValueError(f"cannot go on from {self.path}: {why}")
+
+
+def _use_of(path: str) -> str:
+    """Describe what can be done with a file that stands where a run is to be written."""
+    try:
+        with Continued(path, write=False, every=None) as run:
+            run.check()
+    except ValueError as error:
+        return f"; {error}: "
+    except OSError:
+        pass  # it cannot be read now
+    return f": go on with the run in it (beltdyn resume {path}, or beltdyn.resume in Python), "
