@@ -41,8 +41,8 @@ _MAY_OVERFLOW = {
     "contact.friction",
     "contact.velocity",
 }
-#: The entries of what describes a run; those that earlier versions did not write, as they are then:
-#: without an accuracy, results have what is known of any run.
+#: The entries of what describes a run, and those that earlier versions did not write: without an
+#: accuracy, results have what is known of any run.
 _META: dict[str, Any] = {
     "format": int,
     "final_t": float,
@@ -52,12 +52,12 @@ _META: dict[str, Any] = {
     "message": str,
     "stats": Stats,
     "warnings": tuple[RunWarning, ...],
-    "accuracy": Accuracy | None,
+    "accuracy": Accuracy,
     "outputs": tuple[str, ...] | None,
     "prescribed": tuple[str, ...],
     "unchecked": tuple[str, ...],
 }
-_LATER: dict[str, Any] = {"accuracy": None, "outputs": None, "prescribed": [], "unchecked": []}
+_LATER = ("accuracy", "outputs", "prescribed", "unchecked")
 _ALL = {
     "t",
     "meta.json",
@@ -101,9 +101,10 @@ def _meta(value: NDArray[Any]) -> dict[str, Any]:
     form = found.get("format", _FORMAT)  # that it is missing is said below
     if type(form) is not int or form != _FORMAT:
         raise ValueError(f"its format is {form!r:.20}, this version reads {_FORMAT}")
-    found = _LATER | {key: one for key, one in found.items() if key in _META}
-    meta: dict[str, Any] = plain.table(_META, "meta.json", found, prefix="")
-    status, success, outputs = (meta[name] for name in ("status", "success", "outputs"))
+    kinds = {name: kind for name, kind in _META.items() if name in found or name not in _LATER}
+    found = {name: one for name, one in found.items() if name in kinds}
+    meta: dict[str, Any] = plain.table(kinds, "meta.json", found, prefix="")
+    status, success, outputs = meta["status"], meta["success"], meta.get("outputs")
     rule = f"one of {', '.join(_STATUS)}"
     plain.check(status in _STATUS, "status", rule, status)
     rule = f"that of a run that {status}"
@@ -113,9 +114,7 @@ def _meta(value: NDArray[Any]) -> dict[str, Any]:
     except ValueError as error:
         raise ValueError(f"outputs: {error}") from None
     plain.check(in_order, "outputs", "names of arrays in order", outputs)
-    if meta["accuracy"] is None:
-        del meta["accuracy"]
-    elif [one.quantity for one in meta["accuracy"].errors] != list(WORDS):
+    if "accuracy" in meta and [one.quantity for one in meta["accuracy"].errors] != list(WORDS):
         raise ValueError(f"accuracy.errors must be those of {', '.join(WORDS)}")
     del meta["format"]
     return meta
@@ -138,7 +137,7 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     without |= lacking(params)
     for name in sorted(without & values.keys()):
         raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
-    kept = meta["outputs"]
+    kept = meta.get("outputs")
     with_energy = any(name.startswith("energy.") for name in values) if kept is None else True
     left_out = ({"energy"} if not with_energy else set()) | absent_groups(params)
 

@@ -78,13 +78,6 @@ def resume(
         options = start.options
         if max_steps is not None:
             options = attrs.evolve(options, max_steps=max_steps)
-        return once(
-            start.scene._replace(torque_fn=torque, motion=motions),
-            options,
-            initial=start.initial,
-            times=start.t_eval,
-            outputs=start.outputs,
-            expected=start.expected,
-            progress=flag("progress", progress),
-            recorder=recorder,
-        )[0]
+        scene = start.scene._replace(torque_fn=torque, motion=motions)
+        start = attrs.evolve(start, scene=scene, options=options)
+        return once(start, progress=flag("progress", progress), recorder=recorder)[0]

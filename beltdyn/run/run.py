@@ -10,17 +10,14 @@ from typing import Any
 import attrs
 
 from .. import _core
-from ..base.checks import Array
 from ..base.progress import over_time
-from ..base.run_options import Options
 from ..base.run_warnings import RunWarning, is_error, issue
 from ..base.stopping import stoppable
 from ..drive.params import Params
-from ..drive.scene import Scene, first_speeds
+from ..drive.scene import first_speeds
 from ..loads.callback_errors import CallbackErrors
 from ..loads.motions import as_motions, motion_terms
 from ..loads.torques import as_terms
-from ..outputs.accuracy_report import Expected
 from ..outputs.histories import Stats
 from ..outputs.quantity import LEDGER
 from ..outputs.selection import of_belt, of_core, unchecked
@@ -40,16 +37,13 @@ _CHUNK_FOLLOWED = 0.01
 
 
 def once(
-    scene: Scene,
-    options: Options,
-    watch: Callable[[Reached], None] | None = None,
-    **others: Any,
+    start: Start, watch: Callable[[Reached], None] | None = None, **others: Any
 ) -> tuple[Result, State]:
-    """Run once; return also the state it started from. Arguments are those of :class:`Run`.
+    """Run once; return also the state it started from. ``others`` are those of :class:`Run`.
 
     ``watch`` is told now and then how far it is; a SimulationError that it raises ends the run.
     """
-    run = Run(scene, options, **others)
+    run = Run(start, **others)
     finished = run.advance(watch)
     try:
         issue(finished.warnings[len(run.of_drive) :])
@@ -62,29 +56,18 @@ def once(
 class Run:
     """A run, ready to be advanced: its drive is settled, its samples have their memory.
 
-    ``times``, ``outputs`` and ``initial`` are checked, ``initial`` is None for the settled drive; a
-    ``recorder`` writes the run as it goes, that of a run that was stopped goes on with it.
+    A recorder writes it as it goes; with that of a run that was stopped, it goes on.
     """
 
     def __init__(
-        self,
-        scene: Scene,
-        options: Options,
-        *,
-        initial: State | None,
-        times: Array,
-        outputs: tuple[str, ...] | None = None,
-        expected: Expected | None = None,
-        progress: bool = False,
-        recorder: Recorder | None = None,  # none that writes
+        self, start: Start, *, progress: bool = False, recorder: Recorder | None = None
     ) -> None:
-        params = scene.params
-        self._scene, self._times, self._expected = scene, times, expected
-        self._progress, self._recorder = progress, recorder or Recorder()
-        self._outputs = outputs = of_belt(outputs, params)
+        scene, params, times = start.scene, start.scene.params, start.t_eval
+        outputs, options = of_belt(start.outputs, params), start.options
         if outputs is not None and LEDGER not in outputs:
             options = attrs.evolve(options, ledger=False)
-        self._options, ledger = options, options.ledger
+        ledger = options.ledger
+        self._progress, self._recorder = progress, recorder or Recorder()
         terms = as_terms(scene.torque_fn, params.pulley_names)
         self._motions = as_motions(scene.motion, params.pulley_names)
         names = of_core(outputs, ledger)
@@ -93,22 +76,24 @@ class Run:
         # Before settling, which may take long, and may fail for the very reason they name.
         self.of_drive = tuple(one for one in params._noticed if one.code != "mesh")
         for one in params._noticed:  # of its mesh a run knows more, and warns at its end
-            if one.code == "mesh" and expected is None and is_error(one):
+            if one.code == "mesh" and start.expected is None and is_error(one):
                 issue([one])
         issue(self.of_drive)
-        settle_time = 0.0
-        if initial is None:
+        start = attrs.evolve(start, outputs=outputs, options=options, settle_time=0.0)
+        if start.initial is None:
             begun = time.perf_counter()
             with _nothing_computed(params):
                 speed = first_speeds(scene, options.breakpoints)
             initial = settle(params, speed=speed, progress=progress)
             settle_time = time.perf_counter() - begun
-        self.initial = initial
+            start = attrs.evolve(start, initial=initial, settle_time=settle_time)
+        assert start.initial is not None
+        self._start, self.initial = start, start.initial
 
         with _nothing_computed(params):
             self._sim = _core.Simulation(
                 params._model,
-                initial._to_core(params),
+                self.initial._to_core(params),
                 terms,
                 scene.t_end,
                 motion=motion_terms(self._motions),
@@ -116,15 +101,6 @@ class Run:
             )
         try:
             self._arrays = self._sim.sample(times, names)
-            start = Start(
-                scene=scene,
-                initial=initial,
-                t_eval=times,
-                outputs=outputs,
-                options=options,
-                expected=expected,
-                settle_time=settle_time,
-            )
             with _nothing_computed(params):
                 before = self._recorder.begin(self._sim, self._arrays, start)
             cpu, wall = time.thread_time(), time.perf_counter()
@@ -149,7 +125,7 @@ class Run:
                 up to there.
         """
         sim, recorder = self._sim, self._recorder
-        start, end = self.initial.t, self._scene.t_end
+        begin, end = self.initial.t, self._start.scene.t_end
         finishing = False
         callback_errors = CallbackErrors(sim.stop)
         recorder.count(self._spent)
@@ -158,7 +134,7 @@ class Run:
             with (
                 callback_errors,
                 stoppable(sim),
-                over_time(self._progress, "simulating", start, end) as show,
+                over_time(self._progress, "simulating", begin, end) as show,
             ):
                 while not sim.advance(chunk):
                     show(sim.time)
@@ -172,7 +148,7 @@ class Run:
         except SimulationError as error:
             recorder.end(sim)
             error.result = self.collect("failed", str(error))
-            annotate(error, self._scene.params, error.result.warnings)
+            annotate(error, self._start.scene.params, error.result.warnings)
             raise
         except (KeyboardInterrupt, Exception) as error:
             raised = callback_errors.error or error
@@ -197,7 +173,8 @@ class Run:
 
     def collect(self, status: str, message: str) -> Result:
         """Return the result of what was computed so far."""
-        sim, params, outputs = self._sim, self._scene.params, self._outputs
+        sim, start = self._sim, self._start
+        params, outputs = start.scene.params, start.outputs
         counters, spent = sim.stats, self._spent()
         stats = Stats._from_core(
             counters,
@@ -209,7 +186,7 @@ class Run:
             settle_time=spent.settle,
         )
         seen = Result._from_core(
-            self._times,
+            start.t_eval,
             self._arrays,
             params._model.energy_terms,
             sim.samples,
@@ -224,8 +201,8 @@ class Run:
             unchecked=unchecked(outputs, params.has_friction, bool(params.coupled)),
             final_state=State._from_core(sim.state()),
         )
-        if self._expected is not None:
-            seen = attrs.evolve(seen, accuracy=seen.accuracy.foreseen(self._expected))
+        if start.expected is not None:
+            seen = attrs.evolve(seen, accuracy=seen.accuracy.foreseen(start.expected))
         of_core = [RunWarning(**one) for one in sim.warnings]
         of_samples = observed.observe(seen, self._motions)
         slack = any(one.code == "slack_span" for one in of_samples)
@@ -237,8 +214,8 @@ class Run:
         if stats.error is not None:  # links that chatter then have no consequence
             notes += [_excused(one, stats.error) for one in of_core if one.code == "chatter"]
             of_core = [one for one in of_core if one.code != "chatter"]
-        if self._options.step is None and status != "failed" and not slack:
-            notes += observed.hint(seen, self._options.rtol)
+        if start.options.step is None and status != "failed" and not slack:
+            notes += observed.hint(seen, start.options.rtol)
         return attrs.evolve(
             seen,
             stats=stats,
@@ -248,11 +225,12 @@ class Run:
 
     def _at_end(self) -> str:
         """Return the message of a run that has finished."""
-        sim, message = self._sim, f"reached t_end = {self._scene.t_end:g} s"
-        if self._options.method == "auto":
+        sim, start = self._sim, self._start
+        message = f"reached t_end = {start.scene.t_end:g} s"
+        if start.options.method == "auto":
             return f"{message}; {sim.choice}"
         again = sim.stats["rejected"]
-        if self._options.step is None or sim.stats["local_error"] < 1.0 or not again:
+        if start.options.step is None or sim.stats["local_error"] < 1.0 or not again:
             return message
         return (
             f"{message}; {again} steps of the length asked for had errors of many times a joint's "

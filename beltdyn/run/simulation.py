@@ -33,7 +33,7 @@ from ..verification.verification import Verification
 from .checkpoints import Checkpoint, Fresh
 from .run import once
 from .settling import check_initial, check_params, settle
-from .start_of_run import span
+from .start_of_run import Start, span
 
 __all__ = ["METHODS", "settle", "simulate"]
 
@@ -214,43 +214,56 @@ def simulate(
             )
         begun, budget = time.thread_time(), positive("budget", budget, "s")
     check_initial(params, initial)
-    start, end = span(initial, t_end)
-    times = _sample_times(t_eval, start, end)
-    options = Options.among(given)
-    scene = Scene(params, torque_fn, end, motion)
-    asked: dict[str, Any] = {
-        "times": times,
-        "expected": expected,
-        "progress": flag("progress", progress),
-    }
+    begin, end = span(initial, t_end)
+    start = Start(
+        scene=Scene(params, torque_fn, end, motion),
+        options=Options.among(given),
+        t_eval=_sample_times(t_eval, begin, end),
+        initial=initial,
+        outputs=kept,
+        expected=expected,
+    )
+    shown = flag("progress", progress)
     if budget is not None:
-        given = {"initial": initial, "t_eval": times, "breakpoints": options.breakpoints}
-        plan = budgets.plan(_runner(options), settle, scene, budget, **given)
-        asked |= {"initial": plan.initial, "expected": plan.expected, "outputs": kept}
-        options = attrs.evolve(options, method=plan.method, rtol=plan.rtol)
-        result = once(scene._replace(params=plan.params), options, **asked)[0]
+        plan = budgets.plan(
+            _runner(start),
+            settle,
+            start.scene,
+            budget,
+            initial=initial,
+            t_eval=start.t_eval,
+            breakpoints=start.options.breakpoints,
+        )
+        start = attrs.evolve(
+            start,
+            scene=start.scene._replace(params=plan.params),
+            options=attrs.evolve(start.options, method=plan.method, rtol=plan.rtol),
+            initial=plan.initial,
+            expected=plan.expected,
+        )
+        result = once(start, progress=shown)[0]
         result, noticed = plan.judge(result, time.thread_time() - begun)
         issue(noticed)
         return result
-    asked["initial"] = initial
     if checkpoint is not None:
         with Fresh(Checkpoint.of(checkpoint)) as recorder:
-            return once(scene, options, outputs=kept, recorder=recorder, **asked)[0]
+            return once(start, progress=shown, recorder=recorder)[0]
     if not flag("verify", verify):
-        return once(scene, options, outputs=kept, **asked)[0]
-    others = Verification(_runner(options), settle, scene, initial, times, options)
+        return once(start, progress=shown)[0]
+    others = Verification(_runner(start), settle, start.scene, initial, start.t_eval, start.options)
     with closing(others) as verification:
         compared = None if kept is None else chosen((*kept, *OBSERVED), ledger)
-        result, begin = once(scene, options, verification.watch, outputs=compared, **asked)
+        start = attrs.evolve(start, outputs=compared)
+        result, first = once(start, verification.watch, progress=shown)
         try:
-            accuracy = verification.judge(result, begin)
+            accuracy = verification.judge(result, first)
             return attrs.evolve(result, accuracy=accuracy)._keeping(kept)
         except KeyboardInterrupt as error:
             message = "interrupted while the run was verified; it had itself finished"
             raise Interrupted(message, result) from error
 
 
-def _runner(options: Options) -> Callable[..., Result]:
+def _runner(start: Start) -> Callable[..., Result]:
     """Return ``simulate`` for runs beside one, with its options but for those that are given."""
 
     def run(
@@ -265,8 +278,9 @@ def _runner(options: Options) -> Callable[..., Result]:
         outputs: tuple[str, ...] | None = None,
         **given: Any,
     ) -> Result:
-        scene, own = Scene(params, torque_fn, end, motion), attrs.evolve(options, **given)
-        return once(scene, own, watch, initial=initial, times=t_eval, outputs=outputs)[0]
+        scene, options = Scene(params, torque_fn, end, motion), attrs.evolve(start.options, **given)
+        own = Start(scene=scene, options=options, t_eval=t_eval, initial=initial, outputs=outputs)
+        return once(own, watch)[0]
 
     return run
 

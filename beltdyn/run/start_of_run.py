@@ -48,15 +48,15 @@ _NAMES = {"meta.json", "scene.toml", "t_eval", "breakpoints", *_INITIAL}
 
 @attrs.frozen(kw_only=True)
 class Start:
-    """How a run began; of one read from a file loads that were functions are None."""
+    """How a run begins, all checked; of one read from a file loads that were functions are None."""
 
     scene: Scene
-    initial: State
-    t_eval: Array
-    outputs: tuple[str, ...] | None
     options: Options
-    expected: Expected | None
-    settle_time: float  # wall time [s]
+    t_eval: Array
+    initial: State | None = None  # None: at rest, or settled at the speeds of its motions
+    outputs: tuple[str, ...] | None = None  # as of ``chosen``
+    expected: Expected | None = None
+    settle_time: float = 0.0  # wall time [s]
     kernels: str = attrs.field(factory=_core.kernel_level)
     has_motion: bool = attrs.field()
 
@@ -77,6 +77,8 @@ def span(initial: State | None, t_end: float) -> tuple[float, float]:
 def pack(start: Start, every: float) -> bytes:
     """Return the bytes of how a run began, and how often it is to be written."""
     text, torque, motion = _texts(start.scene)
+    initial = start.initial
+    assert initial is not None  # a run has been settled before it is written
     meta = {
         "version": _core.__version__,
         "kernels": start.kernels,
@@ -88,15 +90,15 @@ def pack(start: Start, every: float) -> bytes:
         "outputs": start.outputs,
         "settle_time": start.settle_time,
         "every": every,
-        "t": start.initial.t,
-        "residual": start.initial.residual,
+        "t": initial.t,
+        "residual": initial.residual,
     }
     values = {
         "meta.json": json.dumps(meta),
         "scene.toml": text,
         "t_eval": start.t_eval,
         "breakpoints": start.options.breakpoints,
-        **{saved: getattr(start.initial, name) for saved, name in _INITIAL.items()},
+        **{saved: getattr(initial, name) for saved, name in _INITIAL.items()},
     }
     return npz.pack(values)
 
