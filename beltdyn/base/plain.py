@@ -16,33 +16,13 @@ from . import npz
 __all__ = ["check", "parse", "table"]
 
 
-def _is_list(value: Any) -> bool:
-    return isinstance(value, list)
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _is_bool(value: Any) -> bool:
-    return isinstance(value, bool)
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
-
-
-def _is_number(value: Any) -> bool:
-    known = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return known and abs(value) <= sys.float_info.max
-
-
-_PLAIN = {
-    str: (_is_text, "a text"),
-    bool: (_is_bool, "true or false"),
-    int: (_is_count, "a count"),
-    float: (_is_number, "a finite number"),
-    list: (_is_list, "a list"),
+#: What a value of a kind is called, and what JSON has for it.
+_PLAIN: dict[Any, tuple[str, Any]] = {
+    str: ("a text", str),
+    bool: ("true or false", bool),
+    int: ("a count", int),
+    float: ("a finite number", (int, float)),
+    list: ("a list", list),
 }
 
 
@@ -83,14 +63,19 @@ def _built(kind: Any, name: str, value: Any) -> Any:
         [kind] = (one for one in get_args(kind) if one is not NoneType)
         return None if value is None else _built(kind, name, value)
     if get_origin(kind) is tuple:
-        check(_is_list(value), name, "a list", value)
         kind = get_args(kind)[0]
-        return tuple(_built(kind, f"{name}[{k}]", one) for k, one in enumerate(value))
+        listed = _built(list, name, value)
+        return tuple(_built(kind, f"{name}[{k}]", one) for k, one in enumerate(listed))
     if attrs.has(kind):
         fields = attrs.fields(attrs.resolve_types(kind))
         return kind(**table({field.name: field.type for field in fields}, name, value))
-    is_good, rule = _PLAIN[kind]
-    check(is_good(value), name, rule, value)
+    rule, types = _PLAIN[kind]
+    good = isinstance(value, types) and (kind is bool or not isinstance(value, bool))
+    if kind is int:
+        good = good and 0 <= value < 2**63
+    if kind is float:
+        good = good and abs(value) <= sys.float_info.max
+    check(good, name, rule, value)
     if kind is str and any("\ud800" <= character <= "\udfff" for character in value):
         raise ValueError(f"{name} holds invalid characters")
     return kind(value)

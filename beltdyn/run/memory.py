@@ -26,10 +26,7 @@ def available() -> int | None:
 
 
 def check_samples(n_t: int, sizes: Mapping[str, int], names: Collection[str], ledger: bool) -> int:
-    """Return the memory that the samples of a run need [byte], if it is available, or very little.
-
-    ``sizes`` are those of the drive's model, ``names`` the outputs that the core is asked for.
-    """
+    """Return the memory that outputs need [byte], if there is as much, or it is little."""
     columns = sizes["ENERGY"] + _LEDGER_COPIES if ledger else 0
     widths = {**sizes, "PLANE": 2 * sizes["PLANE"], "ENERGY": columns}
     bytes_of = {name: 8 * widths[size] for name, _group, size, *_ in _core.OUTPUTS}

@@ -30,7 +30,7 @@ from ..verification import budget as budgets
 from ..verification.quantities import OBSERVED
 from ..verification.runs import Reached
 from ..verification.verification import Verification
-from .checkpoints import Checkpoint, Fresh
+from .checkpoints import Checkpoint, Fresh, Recorder
 from .run import once
 from .settling import check_initial, check_params, settle
 from .start_of_run import Start, span
@@ -215,10 +215,13 @@ def simulate(
         begun, budget = time.thread_time(), positive("budget", budget, "s")
     check_initial(params, initial)
     begin, end = span(initial, t_end)
+    times = np.linspace(begin, end, _DEFAULT_SAMPLES)
+    if t_eval is not None:
+        times = sample_times("t_eval", t_eval, begin, end)
     start = Start(
         scene=Scene(params, torque_fn, end, motion),
         options=Options.among(given),
-        t_eval=_sample_times(t_eval, begin, end),
+        t_eval=times,
         initial=initial,
         outputs=kept,
         expected=expected,
@@ -231,7 +234,7 @@ def simulate(
             start.scene,
             budget,
             initial=initial,
-            t_eval=start.t_eval,
+            t_eval=times,
             breakpoints=start.options.breakpoints,
         )
         start = attrs.evolve(
@@ -245,11 +248,9 @@ def simulate(
         result, noticed = plan.judge(result, time.thread_time() - begun)
         issue(noticed)
         return result
-    if checkpoint is not None:
-        with Fresh(Checkpoint.of(checkpoint)) as recorder:
-            return once(start, progress=shown, recorder=recorder)[0]
     if not flag("verify", verify):
-        return once(start, progress=shown)[0]
+        with Recorder() if checkpoint is None else Fresh(Checkpoint.of(checkpoint)) as recorder:
+            return once(start, progress=shown, recorder=recorder)[0]
     others = Verification(_runner(start), settle, start.scene, initial, start.t_eval, start.options)
     with closing(others) as verification:
         compared = None if kept is None else chosen((*kept, *OBSERVED), ledger)
@@ -283,9 +284,3 @@ def _runner(start: Start) -> Callable[..., Result]:
         return once(own, watch)[0]
 
     return run
-
-
-def _sample_times(t_eval: ArrayLike | None, start: float, end: float) -> Array:
-    if t_eval is None:
-        return np.linspace(start, end, _DEFAULT_SAMPLES)
-    return sample_times("t_eval", t_eval, start, end)
