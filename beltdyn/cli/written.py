@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..base import files
+from ..base.optional import optional_module
 from ..base.run_warnings import silenced
 from ..base.tables import framed
 from ..drive import sanity
@@ -81,12 +82,9 @@ def _check_writable(path: Path) -> None:
 def need_matplotlib(what: str) -> None:
     """Stop if it is not installed, which `what` needs."""
     try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        stop(
-            f"{what} needs matplotlib: python -m pip install matplotlib (or beltdyn[plot])",
-            BAD_INPUT,
-        )
+        optional_module("matplotlib", what, "plot")
+    except ImportError as error:
+        stop(f"{error}", BAD_INPUT)
 
 
 def figure_kinds() -> list[str]:
@@ -101,9 +99,7 @@ def _check_film(path: Path) -> None:
         from ..plot.animation import film_writer
 
         film_writer(path)
-    except ImportError as error:
-        stop(f"--animate {path}: {error}", BAD_INPUT)
-    except ValueError as error:
+    except (ImportError, ValueError) as error:
         stop(f"--animate: {error}", BAD_INPUT)
 
 

@@ -265,15 +265,14 @@ class Target:
     def labels(self, name: str) -> list[str]:
         """Name every single number."""
         if self.is_curve:
-            columns = (
-                [f"[{k}]" for k in range(self.values.shape[1])] if self.values.ndim > 1 else [""]
-            )
+            columns = [""]
+            if self.values.ndim > 1:
+                columns = [f"[{k}]" for k in range(self.values.shape[1])]
             return [f"{name}{column} at {t:g} s" for t in self.t for column in columns]
         if self.parts is not None:
             return list(self.parts)
-        return (
-            [name] if self.values.size == 1 else [f"{name}[{k}]" for k in range(self.values.size)]
-        )
+        count = self.values.size
+        return [name] if count == 1 else [f"{name}[{k}]" for k in range(count)]
 
     def compute(self, name: str, result: Result) -> Array:
         """Get the target from a run at its own times; NaN where the run has no value.

@@ -188,8 +188,9 @@ def _begin(job: tuple[Experiment, Outcome], _before: object) -> Outcome:
 def _simulate(job: tuple[_Run, Outcome, Outcome, bool], _before: object) -> Outcome:
     """Return the computed numbers of a run, and its result if that is to be kept."""
     run, drive, start, keep = job
-    if start.status != "finished":  # nor has a drive what it starts from, then
-        return start
+    for before in (drive, start):
+        if before.status != "finished":
+            return before
     experiment = run.experiment
 
     def simulated() -> Result:
