@@ -211,7 +211,8 @@ def test_what_is_no_mesh_is_refused_and_the_field_named() -> None:
     with refused(V, 'belt.mesh must be "joint", "paper" or "ale", got "joints"'):
         make_model(mesh="joints")
     for wrong, kind in (("Joint", V), ("", V), (None, TypeError), (1, TypeError)):
-        with refused(kind, f"belt.mesh must be one of joint, paper, ale, got {wrong!r}"):
+        meant = " (did you mean 'joint'?)" if wrong == "Joint" else ""
+        with refused(kind, f"belt.mesh must be one of joint, paper, ale, got {wrong!r}{meant}"):
             attrs.evolve(drives.plain().belt, mesh=wrong)
     right = drives.on_mesh(drives.plain(), "joint").to_toml()
     for text in ('"Joint"', "1", "true", '["joint"]', "1979-05-27"):
