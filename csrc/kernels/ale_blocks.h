@@ -492,8 +492,7 @@ INLINE void solve_last(const bd_ale_ring *ring, double *x) {
 /* --- several right-hand sides, a lane each ---------------------------------------------------- */
 
 /* Four rows of sum + a x. */
-INLINE void add_rows(const int lead, const int k, const double *a, const double *x,
-                     vec sum[QUAD]) {
+INLINE void add_rows(const int lead, const int k, const double *a, const double *x, vec sum[QUAD]) {
   for (int l = 0; l < k; ++l) {
     const vec factor = load(x + l * WIDTH);
     for (int i = 0; i < QUAD; ++i) {
