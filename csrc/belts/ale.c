@@ -485,23 +485,28 @@ static void energy_of_span(const bd_ale *ale, const bd_ale_state *y, int i, bd_a
 }
 
 bd_ale_energy bd_ale_energy_of(const bd_ale *ale, const bd_ale_state *y) {
+  const double EA = 0.5 * ale->axial, half = 0.5 * ale->density;
+  const double *const m = y->m, *const on = ale->is_cell;
   bd_ale_energy sum = {.axial = 0.0};
   for (int j = 0; j < ale->np; ++j) {
     const bd_ale_arc *arc = &ale->arcs[j];
+    double axial = 0.0, kinetic = 0.0, contact = 0.0, bending = 0.0;
     for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
       const double strain = ale->stretch[k] - 1.0, v = y->v[k], across = ale->across[k];
-      const double mass = 0.5 * ale->density * (y->m[k] + y->m[k - 1]);
-      const double own =
-          0.5 * ale->density *
-          ((k < arc->begin + arc->n ? y->m[k] : 0.0) + (k > arc->begin ? y->m[k - 1] : 0.0));
-      sum.axial += 0.5 * ale->axial * strain * strain * y->m[k];
-      sum.kinetic += 0.5 * (mass * v * v + own * across * across);
-      if (k < arc->begin + arc->n) {
-        const double pressed = bd_ale_pressed(ale, ale->sink[k]);
-        sum.contact += pressed * y->m[k];
-        sum.bending += (ale->bent[k] + pressed) * y->m[k];
-      }
+      const double mass = half * (m[k] + m[k - 1]);
+      const double own = half * (on[k] * m[k] + on[k - 1] * m[k - 1]);
+      axial += EA * strain * strain * m[k];
+      kinetic += 0.5 * (mass * v * v + own * across * across);
     }
+    for (int k = arc->begin; k < arc->begin + arc->n; ++k) {
+      const double pressed = bd_ale_pressed(ale, ale->sink[k]);
+      contact += pressed * m[k];
+      bending += (ale->bent[k] + pressed) * m[k];
+    }
+    sum.axial += axial;
+    sum.kinetic += kinetic;
+    sum.contact += contact;
+    sum.bending += bending;
     energy_of_span(ale, y, j, &sum);
   }
   return sum;

@@ -28,78 +28,115 @@ double bd_ale_push(const bd_plan *plan, const double *y, int j, double force[2])
   return arc->torque;
 }
 
-/* Of a cell of an arc both ends together, counter-clockwise. */
-static void rubbing(const bd_ale *ale, int j, int slot, double out[4]) {
-  const bd_ale_arc *arc = &ale->arcs[j];
-  const double own = bd_at_least(ale->pressing[slot], 0.0) * (ale->cut_b[slot] - ale->cut_a[slot]);
-  const double both = bd_at_least(own + ale->shear[slot] * ale->end_a[slot], 0.0) +
-                      bd_at_least(own + ale->shear[slot] * ale->end_b[slot], 0.0);
-  const double normal = 0.5 * ale->lies[slot] * arc->cell_angle * both;
-  const double friction = arc->sense * (ale->force_a[slot] + ale->force_b[slot]);
-  const double rho = arc->radius + arc->raised - ale->sink[slot];
-  out[0] = normal;
-  out[1] = friction;
-  out[2] = normal > 0.0 ? friction / normal : 0.0;
-  out[3] = arc->sense * 0.5 * (ale->slid[slot] + ale->slid[slot + 1]) - arc->axis.omega * rho;
+/* An output from a place on, which is no other array. */
+static double *from(double *output, size_t at) {
+  return output ? output + at : NULL;
 }
 
-/* Where cells begin, and how the belt moves there; what flows through the first of them. */
-static void node_outputs(const bd_plan *plan, const double *y, const bd_output *out, size_t k) {
-  const bd_model *model = plan->model;
-  const bd_layout *lay = &model->lay;
+/* What presses on the cells of an arc, both ends of each together. */
+static void press_outputs(const bd_ale *ale, int j, double *restrict to) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const double half = 0.5 * arc->cell_angle;
+  for (int k = 0; k < arc->n; ++k) {
+    const int slot = arc->begin + k;
+    const double own =
+        bd_at_least(ale->pressing[slot], 0.0) * (ale->cut_b[slot] - ale->cut_a[slot]);
+    const double both = bd_at_least(own + ale->shear[slot] * ale->end_a[slot], 0.0) +
+                        bd_at_least(own + ale->shear[slot] * ale->end_b[slot], 0.0);
+    to[k] = half * ale->lies[slot] * both;
+  }
+}
+
+/* Of the cells of an arc, counter-clockwise. */
+static void rub_outputs(const bd_ale *ale, int j, const bd_output *out, size_t at) {
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const double rim = arc->axis.omega, sense = arc->sense, r0 = arc->radius + arc->raised;
+  const double *const before = ale->force_a + arc->begin, *const after = ale->force_b + arc->begin;
+  const double *const slid = ale->slid + arc->begin, *const sink = ale->sink + arc->begin;
+  double *restrict const normal = from(out->normal, at), *restrict const mu = from(out->mu, at);
+  double *restrict const friction = from(out->friction, at);
+  double *restrict const velocity = from(out->velocity, at);
+  if (normal) {
+    press_outputs(ale, j, normal);
+  }
+  for (int k = 0; friction && k < arc->n; ++k) {
+    friction[k] = sense * (before[k] + after[k]);
+  }
+  if (mu) {
+    press_outputs(ale, j, mu);
+  }
+  for (int k = 0; mu && k < arc->n; ++k) {
+    mu[k] = mu[k] > 0.0 ? sense * (before[k] + after[k]) / mu[k] : 0.0;
+  }
+  for (int k = 0; velocity && k < arc->n; ++k) {
+    velocity[k] = sense * 0.5 * (slid[k] + slid[k + 1]) - rim * (r0 - sink[k]);
+  }
+  for (int k = 0; out->pulley && k < arc->n; ++k) {
+    out->pulley[at + (size_t)k] = j;
+  }
+}
+
+/* Where so many cells on a pulley begin, and how the belt moves there. */
+static void place_outputs(const bd_plan *plan, int j, int slot, int n, const bd_output *out,
+                          size_t at) {
   const bd_ale *ale = &plan->ale->ale;
-  for (int i = 0, c = 0; i < lay->np; ++i) {
-    const int j = ale->arcs[i].next, last = c + ale->arcs[j].n;
-    for (int first = c; c <= last; ++c) {
-      const bd_ale_arc *arc = &ale->arcs[c == first ? i : j]; /* where a span begins an arc ends */
-      const int slot = plan->ale->slot[c];
-      const size_t at = k * (size_t)lay->n + (size_t)c;
-      const double v = plan->ale->y.v[slot], tx = ale->tx[slot], ty = ale->ty[slot];
-      const double nx = ale->direction * ty, ny = -ale->direction * tx;
-      const double lift = arc->side * arc->radius;
-      bd_put(out->x, at, arc->axis.c[0] + lift * nx + model->origin[0]);
-      bd_put(out->y, at, arc->axis.c[1] + lift * ny + model->origin[1]);
-      bd_put(out->vx, at, v * tx + ale->across[slot] * nx);
-      bd_put(out->vy, at, v * ty + ale->across[slot] * ny);
+  const bd_ale_arc *arc = &ale->arcs[j];
+  const double *tx = ale->tx + slot, *ty = ale->ty + slot, *across = ale->across + slot;
+  const double *v = plan->ale->y.v + slot, *origin = plan->model->origin, D = ale->direction;
+  const double lift = D * arc->side * arc->radius, *c = arc->axis.c;
+  double *restrict const x = from(out->x, at), *restrict const y = from(out->y, at);
+  double *restrict const vx = from(out->vx, at), *restrict const vy = from(out->vy, at);
+  for (int k = 0; x && k < n; ++k) {
+    x[k] = c[0] + lift * ty[k] + origin[0];
+  }
+  for (int k = 0; y && k < n; ++k) {
+    y[k] = c[1] - lift * tx[k] + origin[1];
+  }
+  for (int k = 0; vx && k < n; ++k) {
+    vx[k] = v[k] * tx[k] + across[k] * D * ty[k];
+  }
+  for (int k = 0; vy && k < n; ++k) {
+    vy[k] = v[k] * ty[k] - across[k] * D * tx[k];
+  }
+}
+
+/* Of span i, and of its cell. */
+static void span_outputs(const bd_plan *plan, int i, const bd_output *out, size_t at,
+                         size_t pulley) {
+  const bd_ale *ale = &plan->ale->ale;
+  bd_put(out->normal, at, 0.0);
+  bd_put(out->friction, at, 0.0);
+  bd_put(out->mu, at, 0.0);
+  bd_put(out->velocity, at, 0.0);
+  if (out->pulley) {
+    out->pulley[at] = -1;
+  }
+  bd_put(out->load, 2 * pulley, ale->arcs[i].force[0]);
+  bd_put(out->load, 2 * pulley + 1, ale->arcs[i].force[1]);
+  bd_put(out->span_tension, pulley, ale->tension[ale->arcs[i].begin + ale->arcs[i].n]);
+}
+
+void bd_ale_contact_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
+  const bd_layout *lay = &plan->model->lay;
+  const bd_ale *ale = bd_ale_look(plan, y);
+  size_t at = k * (size_t)lay->n;
+  double swings = 0.0;
+  for (int i = 0; i < lay->np; ++i) {
+    const int j = ale->arcs[i].next, n = ale->arcs[j].n;
+    const int slot = ale->arcs[i].begin + ale->arcs[i].n; /* where the arc of i ends */
+    span_outputs(plan, i, out, at, k * (size_t)lay->np + (size_t)i);
+    place_outputs(plan, i, slot, 1, out, at++);
+    rub_outputs(ale, j, out, at);
+    place_outputs(plan, j, ale->arcs[j].begin, n, out, at);
+    at += (size_t)n;
+    for (int m = 0; m < lay->modes; ++m) {
+      const double p = y[lay->p + i * lay->modes + m];
+      swings += 0.5 * p * p * plan->ale->y.m[slot];
     }
   }
   bd_put(out->flow, k, ale->flow[plan->ale->slot[0]]);
   for (int m = 0; m < lay->n_modes; ++m) {
     bd_put(out->deflection, k * (size_t)lay->n_modes + (size_t)m, y[lay->a + m]);
-  }
-}
-
-void bd_ale_contact_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k) {
-  const bd_layout *lay = &plan->model->lay;
-  const size_t n = (size_t)lay->n, np = (size_t)lay->np;
-  const bd_ale *ale = bd_ale_look(plan, y);
-  double swings = 0.0;
-  node_outputs(plan, y, out, k);
-  for (int i = 0, c = 0; i < lay->np; ++i) {
-    const int j = ale->arcs[i].next, last = c + ale->arcs[j].n;
-    for (int first = c; c <= last; ++c) {
-      const size_t at = k * n + (size_t)c;
-      double value[4] = {0.0, 0.0, 0.0, 0.0};
-      if (c > first) {
-        rubbing(ale, j, plan->ale->slot[c], value);
-      }
-      bd_put(out->normal, at, value[0]);
-      bd_put(out->friction, at, value[1]);
-      bd_put(out->mu, at, value[2]);
-      bd_put(out->velocity, at, value[3]);
-      if (out->pulley) {
-        out->pulley[at] = c > first ? j : -1;
-      }
-    }
-    const size_t pulley = k * np + (size_t)i;
-    bd_put(out->load, 2 * pulley, ale->arcs[i].force[0]);
-    bd_put(out->load, 2 * pulley + 1, ale->arcs[i].force[1]);
-    const int slot = ale->arcs[i].begin + ale->arcs[i].n;
-    bd_put(out->span_tension, pulley, ale->tension[slot]);
-    for (int m = 0; m < lay->modes; ++m) {
-      const double p = y[lay->p + i * lay->modes + m];
-      swings += 0.5 * p * p * plan->ale->y.m[slot];
-    }
   }
   bd_put(out->across, k, swings / plan->model->belt.length);
 }

@@ -159,16 +159,17 @@ void bd_dense_solve(int n, const double *a, const int *pivots, double *x) {
     x[pivots[k]] = x[k];
     x[k] = kept;
   }
-  for (int i = 0; i < n; ++i) {
-    for (int c = 0; c < i; ++c) {
+  for (int c = 0; c < n; ++c) { /* rows do not wait for each other */
+    for (int i = c + 1; i < n; ++i) {
       x[i] -= a[i * n + c] * x[c];
     }
   }
   for (int i = n - 1; i >= 0; --i) {
+    double left = x[i];
     for (int c = i + 1; c < n; ++c) {
-      x[i] -= a[i * n + c] * x[c];
+      left -= a[i * n + c] * x[c];
     }
-    x[i] *= a[i * n + i];
+    x[i] = left * a[i * n + i];
   }
 }
 
