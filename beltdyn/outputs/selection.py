@@ -15,6 +15,7 @@ __all__ = [
     "chosen",
     "has",
     "lacking",
+    "named",
     "of_belt",
     "of_core",
     "unchecked",
@@ -25,22 +26,22 @@ PASSED = "passed"
 #: What the core is asked for in any case, 2 n_p + 1 numbers a sample.
 EVERY_RUN = ("omega", "torque", "across")
 
+
+def named(**groups: str) -> tuple[str, ...]:
+    """Return names of outputs, as "joints.force", from the names in each group."""
+    return tuple(f"{group}.{name}" for group, names in groups.items() for name in names.split())
+
+
 #: What is looked for in the samples of a run, and the outputs that it is found in; the error of the
 #: mesh is of what every run samples.
 _LOOKED_FOR = {
-    "no_friction": ("pulleys.omega", "pulleys.torque"),
-    "units": ("pulleys.torque",),
-    "full_slip": (
-        "pulleys.torque",
-        "contact.pulley",
-        "contact.normal",
-        "contact.friction",
-        "contact.velocity",
-    ),
+    "no_friction": named(pulleys="omega torque"),
+    "units": named(pulleys="torque"),
+    "full_slip": named(pulleys="torque", contact="pulley normal friction velocity"),
     "slack_span": (SPANS,),
-    "never_drives": ("couplings.transmitted", "couplings.rim_speed"),
+    "never_drives": named(couplings="transmitted rim_speed"),
 }
-_OF_SPANS = ("contact.pulley", "joints.force")
+_OF_SPANS = named(contact="pulley", joints="force")
 
 
 def array_names() -> dict[str, tuple[str, ...]]:

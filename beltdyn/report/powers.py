@@ -10,6 +10,7 @@ from .. import _core
 from ..base.rounding import percent
 from ..drive import sanity
 from ..outputs.arcs import per_pulley
+from ..outputs.selection import named
 from .digits import number
 from .rows import RESIDUAL, Power, Rows
 from .touching import Touching
@@ -50,7 +51,7 @@ def power_rows(window: Window) -> dict[str, Any]:
         notes.append("no powers: the run has no energy ledger (ledger=False)")
     elif not (run._has("pulleys.omega") and run._has("pulleys.torque")):
         notes.append("no powers: pulleys.omega or pulleys.torque not asked for")
-    if energy is None or window.missing(("pulleys.omega", "pulleys.torque")):
+    if energy is None or window.missing(named(pulleys="omega torque")):
         return {"powers": Rows(), "efficiency": None, "efficiency_error": None}
 
     def rate(history: np.ndarray | None) -> float:

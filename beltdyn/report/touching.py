@@ -14,23 +14,15 @@ from ..outputs.arcs import contact_points, per_pulley
 from ..outputs.averages import mean_over
 from ..outputs.gross_slip import GrossSlip, gross_slip
 from ..outputs.sampled import Sampled
+from ..outputs.selection import named
 
 __all__ = ["NEEDED", "Touching", "touching"]
 
 #: The outputs that it is read off from.
-NEEDED = (
-    "belt.x",
-    "belt.y",
-    "belt.phi",
-    "belt.vx",
-    "belt.vy",
-    "belt.flow",
-    "joints.deformation",
-    "joints.force",
-    "contact.pulley",
-    "contact.normal",
-    "contact.friction",
-    "contact.velocity",
+NEEDED = named(
+    belt="x y phi vx vy flow",
+    joints="deformation force",
+    contact="pulley normal friction velocity",
 )
 
 

@@ -19,6 +19,7 @@ from ..drive.span import Span
 from ..outputs.arcs import Arcs, arcs_of
 from ..outputs.averages import integral, mean_over, time_weights
 from ..outputs.sampled import Sampled
+from ..outputs.selection import named
 from ..outputs.spans import mid_span
 from .rows import Spread
 from .touching import NEEDED, Touching, touching
@@ -26,16 +27,7 @@ from .touching import NEEDED, Touching, touching
 __all__ = ["OF_ARCS", "Window"]
 
 #: The outputs that arcs are found from.
-OF_ARCS = (
-    "belt.x",
-    "belt.y",
-    "belt.phi",
-    "contact.pulley",
-    "contact.normal",
-    "contact.mu",
-    "contact.velocity",
-)
-
+OF_ARCS = named(belt="x y phi", contact="pulley normal mu velocity")
 
 #: Change of a mean between the halves of the window from which on it is not steady, of speeds over
 #: the pulley's largest speed, of tensions over the mean tension: half of it is as much as a link
@@ -199,8 +191,8 @@ class Window:
     def middles(self) -> Array | None:
         """Tension in the middle of each span (n_w, n_p) [N], NaN: no belt there; None: not kept."""
         run = self.run
-        places = () if self.params._belt_facts["flows"] else ("belt.x", "belt.y", "belt.phi")
-        if self.missing((*places, "joints.force")):
+        places = "" if self.params._belt_facts["flows"] else "x y phi"
+        if self.missing(named(belt=places, joints="force")):
             return None
         return mid_span(self.params, run.belt, run.joints.force, self.rows)
 
