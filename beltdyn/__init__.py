@@ -52,6 +52,7 @@ if _core_version != __version__:
 
 from ._moved import MOVED as _MOVED
 from .base.described import describe_all as _describe_all
+from .base.run_options import METHODS
 from .base.run_warnings import AccuracyWarning, BeltdynWarning, RunWarning
 from .drive import friction as friction
 from .drive.couplings import Isolator, OverrunningClutch, TorsionalDamper
@@ -86,7 +87,8 @@ from .result.errors import Interrupted, SimulationError
 from .result.result import Result
 from .run.checkpoints import Checkpoint
 from .run.resuming import resume
-from .run.simulation import METHODS, settle, simulate
+from .run.settling import settle
+from .run.simulation import simulate
 
 if TYPE_CHECKING:
     from . import accuracy as accuracy

@@ -21,14 +21,13 @@ from ..many.dispatch import Run
 from ..many.outcome import Outcome, attempt
 from ..many.pools import as_pool
 from ..result.errors import SimulationError
-from ..run.simulation import settle, simulate
+from ..run.settling import settle
+from ..run.simulation import simulate
 from ..verification.quantities import QUANTITIES, Observed, differences, with_links
 from ..verification.runs import Runs, evaluated_in_core, whole_scene
 from ..verification.settings import METHODS, RTOLS, Setting, fewest, meshes
 from .study_rows import Row
 from .study_table import Study
-
-__all__ = ["quick", "study"]
 
 #: References in time, of unrelated families, explicit one-step, implicit one-step and multistep:
 #: tolerances over the tightest compared, and the tightest. Of those that are affordable on a mesh

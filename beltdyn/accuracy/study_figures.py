@@ -21,10 +21,8 @@ from ..base.checks import positive
 from ..plot import style
 from .study_rows import Errors, Row, quantity_of
 
-__all__ = ["price"]
 
-
-class Priced(Protocol):
+class _Priced(Protocol):
     """The part of ``bd.accuracy.Study`` that is drawn; it imports this module to draw itself."""
 
     @property
@@ -46,7 +44,7 @@ _ABOVE: dict[str, Any] = {"xytext": (4, 8), "textcoords": "offset points", "ha":
 _ABOVE |= {"fontsize": "small", "color": "0.3"}
 
 
-def price(study: Priced, quantity: str = "tension", *, error: float = 1e-2) -> Figure:
+def price(study: _Priced, quantity: str = "tension", *, error: float = 1e-2) -> Figure:
     """Draw a study: cost of errors and of meshes, and errors in space and time compared."""
     quantity, error = quantity_of(quantity), positive("error", error)
     figure = style.new_figure(11.0, 9.0, dpi=120)
@@ -58,7 +56,7 @@ def price(study: Priced, quantity: str = "tension", *, error: float = 1e-2) -> F
     return figure
 
 
-def _cost_of_errors(ax: Axes, study: Priced, quantity: str) -> None:
+def _cost_of_errors(ax: Axes, study: _Priced, quantity: str) -> None:
     """Draw CPU time against error, of each method the cheapest runs on any mesh."""
     for k, method in enumerate(_methods(study)):
         front = study.front(quantity, method)
@@ -73,7 +71,7 @@ def _cost_of_errors(ax: Axes, study: Priced, quantity: str) -> None:
     style.legend(ax)
 
 
-def _cost_of_meshes(ax: Axes, study: Priced) -> None:
+def _cost_of_meshes(ax: Axes, study: _Priced) -> None:
     """Draw CPU time against the number of links, by method at a loose and a tight tolerance."""
     for k, method in enumerate(_methods(study)):
         rows = [row for row in study.done() if row.setting.method == method]
@@ -86,7 +84,7 @@ def _cost_of_meshes(ax: Axes, study: Priced) -> None:
     style.legend_below(ax, ax.get_lines())
 
 
-def _errors_of_meshes(ax: Axes, study: Priced, quantity: str, error: float) -> None:
+def _errors_of_meshes(ax: Axes, study: _Priced, quantity: str, error: float) -> None:
     """Draw the error in space, and in time of the cheapest method, against the number of links.
 
     The star marks the cheapest run for the error asked for, at which both are small enough.
@@ -109,7 +107,7 @@ def _errors_of_meshes(ax: Axes, study: Priced, quantity: str, error: float) -> N
     style.legend_below(ax, marked)
 
 
-def _cheapest_runs(ax: Axes, study: Priced, quantity: str, error: float) -> None:
+def _cheapest_runs(ax: Axes, study: _Priced, quantity: str, error: float) -> None:
     """Draw the errors in space and in time of the cheapest runs against their CPU time.
 
     The numbers are those of the links; the star marks the cheapest run for the error asked for.
@@ -145,7 +143,7 @@ def _number(ax: Axes, rows: Sequence[Row], heights: Sequence[float]) -> None:
 
 
 def _mark(
-    ax: Axes, study: Priced, quantity: str, error: float, best: Row | None, place: float
+    ax: Axes, study: _Priced, quantity: str, error: float, best: Row | None, place: float
 ) -> None:
     """Draw a line at the error asked for, and a star at the cheapest run that reaches it."""
     ax.axhline(error, color="0.5", linewidth=0.8, linestyle=":", marker="")
@@ -168,7 +166,7 @@ def _meshes(rows: Sequence[Row]) -> list[int]:
     return [row.setting.n_bodies for row in rows]
 
 
-def _links(ax: Axes, study: Priced, title: str) -> None:
+def _links(ax: Axes, study: _Priced, title: str) -> None:
     ax.set(xscale="log", yscale="log", title=title)
     ax.xaxis.set_major_locator(FixedLocator(list(study.space)))
     ax.xaxis.set_major_formatter(ScalarFormatter())
@@ -183,7 +181,7 @@ def _power(rtol: float) -> str:
     return f"{rtol:g}"
 
 
-def _methods(study: Priced) -> list[str]:
+def _methods(study: _Priced) -> list[str]:
     return list(dict.fromkeys(row.setting.method for row in study.done()))
 
 

@@ -10,8 +10,6 @@ from ..base.checks import one_of
 from ..verification.quantities import QUANTITIES
 from ..verification.settings import Setting
 
-__all__ = ["Errors", "Row", "quantity_of"]
-
 Errors = Mapping[str, float]
 
 

@@ -21,8 +21,6 @@ from .study_rows import Errors, Row, quantity_of
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["Study"]
-
 #: Errors for which the printed study names the cheapest setting.
 _TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)
 

@@ -16,14 +16,13 @@ from ..drive.params import Params
 from ..drive.scene import Scene
 from ..outputs.accuracy_report import Expected
 from ..result.errors import SimulationError
-from ..run.simulation import settle, simulate
+from ..run.settling import settle
+from ..run.simulation import simulate
 from ..verification.forecast import Forecast, Pilot
 from ..verification.quantities import with_links
 from ..verification.runs import Runs, whole_scene
 from ..verification.settings import Setting
 from .study_rows import quantity_of
-
-__all__ = ["Suggestion", "suggest"]
 
 #: CPU time of a run of links [s] from which on an ALE belt is tried.
 MIN_CPU_TIME = 0.5

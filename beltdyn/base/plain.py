@@ -13,9 +13,6 @@ from numpy.typing import NDArray
 
 from . import npz
 
-__all__ = ["check", "parse", "table"]
-
-
 #: What a value of a kind is called, and what JSON has for it.
 _PLAIN: dict[Any, tuple[str, Any]] = {
     str: ("a text", str),

@@ -13,8 +13,6 @@ import click
 from ..base.run_options import USUAL, Options
 from ..drive.parts import MESHES
 
-__all__ = ["PATH", "QUIET_RUN", "Asked", "Option", "options"]
-
 PATH = click.Path(path_type=Path)
 
 

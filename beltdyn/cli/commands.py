@@ -27,8 +27,6 @@ from .command_options import PATH, QUIET_RUN, Asked, Option, options
 from .ending import BAD_INPUT, Group, interruptible, reported, stop
 from .written import check_files, check_share, finish, running, save_figure, write_files
 
-__all__ = ["main"]
-
 
 @click.group("beltdyn", cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="beltdyn")

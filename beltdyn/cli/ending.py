@@ -14,17 +14,6 @@ import click
 from ..base.run_warnings import RunWarning
 from ..result.errors import Interrupted, SimulationError
 
-__all__ = [
-    "BAD_INPUT",
-    "FAILED",
-    "INTERRUPTED",
-    "Group",
-    "interruptible",
-    "reported",
-    "stop",
-    "warn",
-]
-
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 #: Signals sent by batch systems and closed terminals; Windows has no SIGHUP.
 _ENDING = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]

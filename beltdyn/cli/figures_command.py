@@ -15,8 +15,6 @@ from .command_options import PATH, Asked, Option, options
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
 from .written import figure_kinds, need_matplotlib
 
-__all__ = ["draw_figures"]
-
 
 @click.command("figures")
 @options(

@@ -22,8 +22,6 @@ from .written import check_files, write_files
 if TYPE_CHECKING:
     from ..sweeping.sweep import Swept
 
-__all__ = ["sweep_scene"]
-
 #: Messages of runs without result that are printed.
 _SHOWN = 3
 #: Pulleys, spans and the like up to which each has a row of the table; runs up to which each has

@@ -28,17 +28,6 @@ from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = [
-    "check_files",
-    "check_share",
-    "figure_kinds",
-    "finish",
-    "need_matplotlib",
-    "running",
-    "save_figure",
-    "write_files",
-]
-
 
 def check_files(asked: Asked, endings: Iterable[str] = tuple(RESULTS)) -> None:
     """Stop before the run, which may take long, if a file could not be written after it."""

@@ -38,17 +38,6 @@ from ..verification.quantities import observe
 from .removals import Removal, leave_out, removals_of
 from .run_length import Timed
 
-__all__ = [
-    "ANSWERS",
-    "Ablation",
-    "Answers",
-    "LeftOut",
-    "Runs",
-    "ablate",
-    "answers_of",
-    "changes_of",
-]
-
 #: What is compared, in the order of the table.
 ANSWERS = ("tension, mean", "tension, range", "speed, mean", "speed, range")
 #: Safety factor on the largest change in any part of the window: other runs of the kind differ.

@@ -18,8 +18,6 @@ from ..drive.params import Params
 from ..drive.rules import Printable, Rule
 from ..loads.motions import MotionLike, described
 
-__all__ = ["Effect", "Part", "effects_of", "parts_of"]
-
 #: Numbers of the belt that say how much of it there is, not how it acts; of contact a switch.
 _NO_FORCE = {"length", "preload", "n_bodies", "linear_density", "compensate"}
 

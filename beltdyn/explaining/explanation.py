@@ -13,21 +13,19 @@ from ..base.checks import flag, one_of, positive
 from ..base.described import suggesting
 from ..base.naming import ByPulley
 from ..base.rounding import plain
+from ..base.run_options import METHODS
 from ..base.run_warnings import silenced
 from ..drive.params import Params
 from ..drive.scene import Scene
 from ..loads.motions import MotionLike, as_motions, motion_terms
 from ..loads.torques import TorqueLike, as_terms
 from ..outputs.state import State
-from ..run.simulation import METHODS
 from .ablation import Ablation, Runs, ablate
 from .effects import Effect, effects_of
 from .explanation_text import text_of
 from .removals import Removal, leave_out, removals_of
 from .run_length import Drive, Timed, Window, find_window
 from .step_cost import Pass, StateSize, Step, size_of, time_step
-
-__all__ = ["Explanation", "explain"]
 
 #: Part of the budget that the window is planned for, and that may be spent: times vary.
 _PLANNED, _SPENT = 0.8, 0.9

@@ -13,8 +13,6 @@ from .effects import Effect
 from .run_length import Window
 from .step_cost import StateSize, Step
 
-__all__ = ["text_of"]
-
 _WIDTH = 98
 #: A space at which no line is broken.
 _FIXED = "\N{NO-BREAK SPACE}"

@@ -26,8 +26,6 @@ from ..many.outcome import attempt
 from ..result.errors import SimulationError
 from .effects import Part, parts_of
 
-__all__ = ["Removal", "leave_out", "removals_of"]
-
 #: What holds belt or tensioner in place is no effect that could be left out.
 _HOLDS = {
     ("arm", "stiffness"),

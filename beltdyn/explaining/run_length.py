@@ -12,9 +12,8 @@ from ..drive.scene import Scene, first_speeds
 from ..many.shared import Shared
 from ..outputs.state import State
 from ..result.result import Result
-from ..run.simulation import settle, simulate
-
-__all__ = ["Drive", "Timed", "Window", "find_window"]
+from ..run.settling import settle
+from ..run.simulation import simulate
 
 #: A drive and the speeds with which its motions begin.
 _Start = tuple[Params, tuple[tuple[int, float], ...]]

@@ -11,8 +11,6 @@ import attrs
 from .. import _core
 from ..outputs.state import ROWS, SIZES
 
-__all__ = ["Pass", "StateSize", "Step", "size_of", "time_step"]
-
 #: Part of the state of fields with several rows: of friction, at links in contact.
 _FRICTION, _LEDGER = "friction", "ledger"
 #: A number of the core's state.

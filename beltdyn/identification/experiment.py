@@ -21,9 +21,8 @@ from ..loads.torques import TorqueLike
 from ..outputs.histories import GROUPS, EnergyLedger
 from ..outputs.state import State
 from ..result.result import Result
-from ..run.simulation import settle, simulate
-
-__all__ = ["Experiment", "Read", "Target"]
+from ..run.settling import settle
+from ..run.simulation import simulate
 
 #: Gets numbers from a run.
 Read: TypeAlias = "Callable[[Result], ArrayLike]"

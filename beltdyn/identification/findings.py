@@ -21,9 +21,6 @@ from . import linear
 from .free import Parameter
 from .linear import Combination
 
-__all__ = ["Identification", "IdentificationInterrupted", "Sensitivity", "confidence_of"]
-
-
 #: Of the test of residuals: least samples, least rms in standard deviations, and probability below
 #: which they are not those of noise.
 _SAMPLES, _MATTERS, _CHANCE = 20, 0.5, 1e-3

@@ -25,8 +25,6 @@ from .free import Free, Parameter, resolve
 from .options import Options
 from .trials import Rig, Trial
 
-__all__ = ["identify"]
-
 #: Unknown standard deviations: first guess and least value, in parts of the target's rms, and the
 #: relative change at which they count as found.
 _GUESS, _LEAST, _SETTLED, _PASSES = 0.05, 1e-6, 0.05, 8

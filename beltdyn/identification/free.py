@@ -14,8 +14,6 @@ from ..base.checks import Array, close_to, real
 from ..drive.parameters import assign, check_name, numbers, overlap, path_in, read, rule_of
 from ..drive.params import Params
 
-__all__ = ["Free", "Parameter", "place", "resolve"]
-
 
 @attrs.frozen
 class Free:

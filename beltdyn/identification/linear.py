@@ -11,16 +11,6 @@ import numpy as np
 
 from ..base.checks import Array
 
-__all__ = [
-    "LOSSES",
-    "Combination",
-    "combinations",
-    "correlation",
-    "cost_and_weights",
-    "covariance",
-    "leverage",
-]
-
 #: Losses of ``scipy.optimize.least_squares`` whose cost grows without bound with the residual.
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 

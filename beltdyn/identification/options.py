@@ -12,8 +12,6 @@ from .findings import confidence_of
 from .free import Parameter
 from .linear import LOSSES
 
-__all__ = ["Options"]
-
 
 def _factor(value: object) -> float:
     if real("limit", value) <= 1.0:

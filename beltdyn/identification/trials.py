@@ -26,8 +26,6 @@ from ..verification.quantities import with_links
 from .experiment import Experiment, Target
 from .free import Parameter, place
 
-__all__ = ["Rig", "Trial"]
-
 
 @attrs.frozen(eq=False, kw_only=True)
 class Trial:

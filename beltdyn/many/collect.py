@@ -19,8 +19,6 @@ from .outcome import Outcome
 from .pools import Pool
 from .store import Kept, Store
 
-__all__ = ["Cost", "collect", "outcomes"]
-
 Pools = Callable[[], AbstractContextManager[Pool]]
 
 

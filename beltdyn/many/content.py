@@ -25,8 +25,6 @@ from ..loads.motions import Motion, as_motions
 from ..loads.torques import TorqueSum
 from .identity import NoKeyError, token
 
-__all__ = ["Contents", "Place", "needing_keys", "parts_of", "speed_of"]
-
 #: Raised whenever what a run gives for the same content may have changed.
 _FORMAT = 2
 

@@ -17,8 +17,6 @@ from ..base.stopping import without_ctrl_c
 from .outcome import Outcome
 from .pools import Pool, as_bytes
 
-__all__ = ["ATTEMPTS", "Dispatch", "Run"]
-
 #: How often workers may die in a run before it is given up; the last time it is on its way alone.
 ATTEMPTS = 3
 #: Batches handed out for each worker: one that it does, one that waits.

@@ -24,8 +24,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["NoKeyError", "token"]
-
 _PLAIN = (type(None), bool, int, float, complex, str, bytes, type(Ellipsis), range, slice)
 #: What imports a module by a text, which only a call would tell.
 _BY_TEXT = ("__import__", "import_module")

@@ -12,8 +12,6 @@ from .. import _core
 from ..base.checks import Array
 from ..result.errors import SimulationError
 
-__all__ = ["STATUSES", "Outcome", "attempt", "in_line"]
-
 #: How a run may end, and what that means.
 STATUSES = {
     "finished": "it ran to its end",

@@ -20,8 +20,6 @@ from ..base.checks import integer
 from ..base.optional import optional_module
 from ..base.stopping import Stopper
 
-__all__ = ["Pool", "as_bytes", "as_pool"]
-
 #: Wall time of a batch [s]: what it takes to hand one out is then small against it.
 _IN_THREADS, _ELSEWHERE = 0.1, 0.5
 

@@ -19,8 +19,6 @@ from typing import NamedTuple
 
 from ..base import files, sqlite
 
-__all__ = ["Kept", "Store"]
-
 _FORMAT = 1
 _NAME = "part-*.sqlite"
 _TABLES = f"""

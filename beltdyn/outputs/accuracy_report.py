@@ -10,15 +10,6 @@ import attrs
 from ..base import tables
 from ..base.rounding import percent
 
-__all__ = [
-    "SPACE_FLOOR",
-    "TIME_FLOOR",
-    "WORDS",
-    "Accuracy",
-    "Expected",
-    "QuantityError",
-]
-
 #: Errors in time below this are not told apart: histories are compared as they are sampled, and a
 #: millionth is beyond what any datum of a belt is known to.
 TIME_FLOOR = 1e-6

@@ -12,17 +12,6 @@ from ..drive.params import Params
 from .histories import BeltHistory, ContactHistory
 from .spans import ALL, joint_points
 
-__all__ = [
-    "SLIP_FROM",
-    "Arcs",
-    "arcs_of",
-    "contact_points",
-    "full_friction",
-    "in_slip",
-    "per_pulley",
-    "turns",
-]
-
 #: Share of the friction in full slip from which on a link counts as slipping. Laws with a state
 #: approach full slip over a way of some mu_k / sigma, of Dahl's 1 - exp(-x sigma / mu_k): 95 % are
 #: reached after three of these ways, short against the slip of an arc that slips. In an arc that

@@ -8,8 +8,6 @@ import numpy as np
 
 from ..base.checks import Array
 
-__all__ = ["LAST", "durations", "integral", "mean_over", "time_weights"]
-
 #: The part of a run, counted from its end, that means are taken over where nothing else is asked.
 LAST = 0.2
 

@@ -12,8 +12,6 @@ from ..drive.params import Params
 from .arcs import in_slip, per_pulley
 from .averages import durations
 
-__all__ = ["GrossSlip", "gross_slip"]
-
 #: Share of the largest possible friction, |sum mu N| / sum mu_k N, from which on the whole wrap
 #: slips; links that have just arrived still need a slip of some mu_k/sigma. A steady drive stays
 #: below: 0.88 in case 1 of the paper, which is loaded almost to its limit. In place of mu_k stands

@@ -20,26 +20,6 @@ from ..base.described import listed
 from .averages import integral
 from .quantity import LEDGER, QUANTITIES
 
-__all__ = [
-    "GROUPS",
-    "ROWS",
-    "BeltHistory",
-    "ContactHistory",
-    "CouplingHistory",
-    "EnergyLedger",
-    "Group",
-    "JointHistory",
-    "MountHistory",
-    "PulleyHistory",
-    "SpanHistory",
-    "Stats",
-    "absent",
-    "absent_groups",
-    "histories",
-    "shape_of",
-]
-
-
 _Kind = TypeVar("_Kind", bound="Group")
 #: Groups by the name that they have in a result, in the order of files.
 GROUPS: dict[str, type[Group]] = {}

@@ -12,17 +12,6 @@ from ..base.checks import Array
 from .averages import integral
 from .sampled import Sampled
 
-__all__ = [
-    "HARMONICS",
-    "NEAR",
-    "Source",
-    "belt_rate",
-    "belt_turning",
-    "folded",
-    "lines_at",
-    "sources",
-]
-
 #: Harmonics by which a line is recognised: of links; of pulleys; of the belt.
 HARMONICS = {"link": 4, "pulley": 12, "belt": 3}
 #: A peak is found this close to the line that it comes from, in resolutions.

@@ -19,19 +19,6 @@ from .arcs import contact_points, turns
 from .histories import BeltHistory
 from .spans import joint_points
 
-__all__ = [
-    "AlongBelt",
-    "along",
-    "along_cells",
-    "cell_places",
-    "flow_of",
-    "follow",
-    "line_parts",
-    "momentum_flux",
-    "routes",
-    "where",
-]
-
 #: Numbers of a block of samples, links times parts of the line: 16 MB to an array.
 _BLOCK = 2_000_000
 

@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 from .. import _core
 
-__all__ = ["LEDGER", "QUANTITIES", "SPANS", "TIME", "Quantity", "dimensions"]
-
 #: Mean tensions of spans, computed from joints and contact; the ledger, which is one output.
 SPANS, LEDGER = "span_tension", "energy"
 

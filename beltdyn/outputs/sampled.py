@@ -31,8 +31,6 @@ from .selection import has, lacking
 from .spans import span_tension
 from .state import State
 
-__all__ = ["Running", "Sampled", "known", "running"]
-
 #: Samples at which tensions are looked at; all change what they show by 1 to 3 %.
 LOOKS = 100
 

@@ -9,18 +9,6 @@ from .. import _core
 from .histories import GROUPS, ROWS, absent
 from .quantity import LEDGER, SPANS
 
-__all__ = [
-    "EVERY_RUN",
-    "array_names",
-    "chosen",
-    "has",
-    "lacking",
-    "named",
-    "of_belt",
-    "of_core",
-    "unchecked",
-]
-
 #: An integral of an output.
 PASSED = "passed"
 #: What the core is asked for in any case, 2 n_p + 1 numbers a sample.

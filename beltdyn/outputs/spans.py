@@ -10,8 +10,6 @@ from ..base.checks import Array
 from ..drive.params import Params
 from .histories import BeltHistory
 
-__all__ = ["has_angles", "joint_points", "lines_of_cells", "mid_span", "span_tension"]
-
 #: All samples of a run.
 ALL = slice(None)
 #: Points of the line of a cell.

@@ -19,8 +19,6 @@ from ..base.checks import Array
 from ..drive.params import Params
 from .averages import durations
 
-__all__ = ["Contact", "Squeal", "growth", "least_damping", "squeals"]
-
 #: By how many powers of e a vibration has to have grown: where it is less than one, what made it
 #: grow is over before anything has come of it.
 GROWN = 1.0

@@ -18,8 +18,6 @@ from ..drive.couplings import OverrunningClutch
 from ..drive.params import Params
 from .spans import span_tension
 
-__all__ = ["State", "Tensions", "belt_speed"]
-
 #: By what rims of pulleys that a belt runs on without load may differ: more than the radii on which
 #: it runs and creep make of them, and less than slip.
 RIMS = 0.01

@@ -36,8 +36,6 @@ from .panel import draws
 from .picture import DrivePicture
 from .select import Indices, choice
 
-__all__ = ["ENDINGS", "Animation", "animate", "film_writer"]
-
 #: Endings of files an animation can be written to.
 ENDINGS = ("gif", "mp4", "html")
 _PANELS: dict[str, Any] = {"tensions": span_tensions, "speeds": speeds}

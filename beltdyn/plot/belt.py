@@ -17,8 +17,6 @@ from .panel import draws
 from .picture import DrivePicture
 from .select import Indices, runs, sample
 
-__all__ = ["drive", "force_along_belt"]
-
 
 @draws()
 def force_along_belt(

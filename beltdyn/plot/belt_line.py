@@ -16,8 +16,6 @@ from .labels import rows_of_names
 from .panel import draws, lines, named_pulleys
 from .select import Pulleys, sample
 
-__all__ = ["arcs", "tension_along"]
-
 #: Places to a link: joints are met where they are, and between them forces are interpolated.
 _PER_LINK = 4
 

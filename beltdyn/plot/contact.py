@@ -15,8 +15,6 @@ from ..result.result import Result
 from .panel import draws, panel
 from .select import Indices, choice, indices
 
-__all__ = ["contact_forces", "friction_coefficient", "relative_velocity"]
-
 _FORCES = ("normal", "friction")
 
 

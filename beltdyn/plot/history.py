@@ -14,16 +14,6 @@ from . import style
 from .panel import draws, named_pulleys, over_time, panel
 from .select import Indices, Pulleys, indices
 
-__all__ = [
-    "energy",
-    "joint_deformation",
-    "joint_force",
-    "span_tensions",
-    "speeds",
-    "torques",
-    "travel",
-]
-
 _LOSSES = (
     ("friction_loss", "friction"),
     ("contact_loss", "contact dampers"),

@@ -15,8 +15,6 @@ from matplotlib.transforms import Bbox, ScaledTranslation
 from ..base.checks import Array
 from . import style
 
-__all__ = ["draw_name", "per_unit", "place_names", "rows_of_names"]
-
 #: A name is within the rim if it ends within this share of the radius.
 _WITHIN = 0.84
 #: Directions and distances [points from the rim] that are tried for a name beside it.

@@ -18,8 +18,6 @@ from .labels import draw_name, per_unit, place_names
 from .mounting import MountPicture, draw_pulley
 from .panel import draws
 
-__all__ = ["layout"]
-
 #: Points of an arc, and where the arrow of the numbering stands on a span.
 _ARC, _ARROW = 60, 0.9
 

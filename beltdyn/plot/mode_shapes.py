@@ -22,8 +22,6 @@ from .mounting import MountPicture, draw_pulley
 from .panel import draws
 from .select import choice, pulley_indices
 
-__all__ = ["animate_mode", "frequency_response", "mode"]
-
 #: Largest displacement drawn, against the size of the drive; and largest turning drawn [rad].
 _LARGEST, _TURN = 0.045, 0.6
 

@@ -14,8 +14,6 @@ from ..base.checks import Array
 from ..drive.parts import Pulley
 from . import style
 
-__all__ = ["MountPicture", "draw_pulley"]
-
 #: How parts of mounts look; an arrow has a look of its own.
 _STYLES: dict[str, dict[str, Any]] = {
     "bar": {"lw": 4.0, "solid_capstyle": "round", "alpha": 0.6, "zorder": 1.2},

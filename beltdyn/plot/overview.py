@@ -11,8 +11,6 @@ from .history import span_tensions, speeds
 from .panel import draws
 from .select import sample
 
-__all__ = ["overview"]
-
 
 @draws()
 def overview(result: Result, *, t: float | None = None, fig: Figure | None = None) -> Figure:

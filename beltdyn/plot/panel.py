@@ -16,8 +16,6 @@ from ..result.result import Result
 from . import style
 from .select import Pulleys, pulley_indices, with_samples
 
-__all__ = ["Curve", "draws", "lines", "named_pulleys", "over_time", "panel"]
-
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 

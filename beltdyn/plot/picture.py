@@ -26,8 +26,6 @@ from .labels import draw_name, per_unit, place_names
 from .mounting import MountPicture, draw_pulley
 from .select import Indices, choice, named_links, runs
 
-__all__ = ["DrivePicture"]
-
 _MAPS = {"tension": "viridis", "friction": "PuOr_r"}
 _LABELS = {
     "tension": QUANTITIES["joints.force"].axis(short="belt tension"),

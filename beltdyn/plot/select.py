@@ -13,18 +13,6 @@ from ..base.checks import integer, real
 from ..base.naming import index_of
 from ..result.result import Result
 
-__all__ = [
-    "Indices",
-    "Pulleys",
-    "choice",
-    "indices",
-    "named_links",
-    "pulley_indices",
-    "runs",
-    "sample",
-    "with_samples",
-]
-
 Indices = int | Sequence[int]
 Pulleys = int | str | Sequence[int | str]
 

@@ -20,8 +20,6 @@ from ..spectra import spectrum as spectrum_of
 from . import style
 from .panel import draws, lines
 
-__all__ = ["campbell", "spectrum"]
-
 _RPM = 60.0 / (2.0 * np.pi)
 _LINK, _BELT = style.COLOURS[1], style.COLOURS[2]
 _MARKERS = "osD^vP"

@@ -22,32 +22,6 @@ from matplotlib.transforms import Bbox, ScaledTranslation
 from ..base.checks import Array
 from ..drive.parts import Pulley
 
-__all__ = [
-    "COLOURS",
-    "FREE",
-    "HATCHES",
-    "LEGEND_COLUMNS",
-    "METAL",
-    "OwnFigure",
-    "add_headroom",
-    "axes",
-    "draw_line",
-    "dress",
-    "height_to_scale",
-    "leave_free",
-    "legend",
-    "legend_below",
-    "line_style",
-    "new_figure",
-    "plain",
-    "room_below",
-    "set_title_within",
-    "settle_layout",
-    "tint",
-    "title",
-    "unused",
-]
-
 # Okabe and Ito: distinguishable with any colour vision; the dashes also in black and white.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (6, 1.5, 1, 1.5)), (0, (1.2, 1.2)), (0, (9, 2)))

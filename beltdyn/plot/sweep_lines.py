@@ -18,8 +18,6 @@ from ..base.checks import Array
 from . import style, swept
 from .panel import draws
 
-__all__ = ["lines"]
-
 #: Up to so many values have a step of the colour bar each.
 _STEPS = 10
 #: Up to so many values along x are marked.

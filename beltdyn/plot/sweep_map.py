@@ -19,8 +19,6 @@ from ..base.checks import integer, real_array
 from . import style, swept
 from .panel import draws
 
-__all__ = ["map"]
-
 _FAILED_FACE, _FAILED_EDGE = "0.93", "0.45"
 
 

@@ -15,17 +15,6 @@ from ..base.checks import Array, close_to, shown
 from ..base.optional import optional_module
 from . import style
 
-__all__ = [
-    "FAILED_LOOKS",
-    "Scale",
-    "check_names",
-    "choose",
-    "failures",
-    "label",
-    "scale_of",
-    "swept_names",
-]
-
 #: How runs that gave no value are shown, by their status: hatch, marker, word.
 FAILED_LOOKS = {
     "refused": ("////", "x", "refused"),

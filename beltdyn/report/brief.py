@@ -14,8 +14,6 @@ from .digits import NONE, number, or_nan, within
 from .rows import ReportData
 from .text import opening
 
-__all__ = ["html", "lines"]
-
 #: The command prints a line above it.
 _WIDTH, _HEIGHT = 100, 39
 #: Rows that a table has in any case.

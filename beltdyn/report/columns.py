@@ -13,8 +13,6 @@ from . import digits
 from .digits import NONE, between, fixed, largest, number, or_nan, placed, within
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
-__all__ = ["STILL", "Layout", "has_shares", "made"]
-
 #: Factors of units that are printed in place of those of the rows.
 _SCALES = {"1/min": 30.0 / math.pi, "deg": 180.0 / math.pi, "mm": 1e3, "%": 100.0}
 #: Speeds below this are rounding [rad/s], and powers below that much of the largest.

@@ -29,8 +29,6 @@ from .rows import Creep
 from .slipping import friction_limits
 from .window import Window
 
-__all__ = ["creep_rows"]
-
 #: A pulley that loses more than this does not creep but slips; elastic creep is at most the strain.
 SLIPS = 0.3
 

@@ -15,8 +15,6 @@ from ..outputs.places import follow
 from .rows import Cycle
 from .window import Window
 
-__all__ = ["cycle_rows", "rainflow"]
-
 #: Classes of ranges in a report.
 CLASSES = 8
 #: Share of the tension at rest: cycles below it are rounding.

@@ -13,33 +13,6 @@ from ..base.rounding import rounded
 from ..outputs.accuracy_report import Accuracy
 from .rows import RESIDUAL, MountRow, PulleyRow, ReportData, SpanRow, Spread
 
-__all__ = [
-    "NONE",
-    "belt_speed",
-    "between",
-    "fixed",
-    "given",
-    "largest",
-    "line_frequency",
-    "loss",
-    "lost",
-    "margin",
-    "number",
-    "of_grip",
-    "of_loads",
-    "of_ratio",
-    "of_speed",
-    "of_tension",
-    "or_nan",
-    "placed",
-    "signed",
-    "speed_errors",
-    "tension_off",
-    "total",
-    "used",
-    "within",
-]
-
 #: What stands for a value that is not known or does not apply.
 NONE = "-"
 #: Error of speeds and torques where that of the power is not known: what belts creep at most.

@@ -11,8 +11,6 @@ from ..base.described import unit_of
 from ..drive.mounts import KINDS
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
-__all__ = ["Number", "numbers", "quantities"]
-
 
 class Number(NamedTuple):
     """A number or a text of a report, with its name and unit: a row of ``Report.to_frame()``."""

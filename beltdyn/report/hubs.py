@@ -13,8 +13,6 @@ from ..outputs.orders import belt_turning
 from ..outputs.places import routes
 from .window import Window
 
-__all__ = ["hub_load", "hub_statics"]
-
 #: Share of the tension at rest: a force below it is rounding, and has no direction.
 NEGLIGIBLE_FORCE = 1e-6
 

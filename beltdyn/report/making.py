@@ -22,8 +22,6 @@ from .span_rows import span_rows
 from .touching import NEEDED
 from .window import OF_ARCS, Window
 
-__all__ = ["creep_of", "make_report"]
-
 #: Share of the exponent mu wrap that bending takes off, from which on a report states it.
 NOTABLE = 0.01
 #: Turns of a pulley in the window below which a report states them, and those of one that stands.

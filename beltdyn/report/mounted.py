@@ -12,8 +12,6 @@ from .rows import MountRow, Spread
 from .span_rows import line_of
 from .window import Window
 
-__all__ = ["mount_rows"]
-
 #: Least amplitude of a line in the travel, of a turn of one radian or of the pulley's radius: below
 #: it is what rounding and tolerances leave.
 MIN_AMPLITUDE = 1e-6

@@ -16,8 +16,6 @@ from .rows import RESIDUAL, Power, Rows
 from .touching import Touching
 from .window import Window
 
-__all__ = ["PATHS", "power_rows"]
-
 #: Work of the belt on axes that are led along a path, put in or taken off by what leads them; and
 #: what that is called.
 _PATH, PATHS = "path_work", "axes that follow a path"

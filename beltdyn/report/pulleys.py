@@ -15,8 +15,6 @@ from .rows import PulleyRow
 from .slipping import slip_rows
 from .window import OF_ARCS, Window
 
-__all__ = ["pulley_rows"]
-
 
 def pulley_rows(window: Window, statics: Array | None, margins: bool = True) -> list[PulleyRow]:
     """Return the rows, with hub loads by the spans; note what is missing in them."""

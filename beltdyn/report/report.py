@@ -12,8 +12,6 @@ from ..base.rounding import plain
 from . import brief, flat, text
 from .rows import ReportData
 
-__all__ = ["Report"]
-
 
 def _with_fields(cls: type[Report]) -> type[Report]:
     """Append what ReportData says of its fields to the docstring."""

@@ -13,19 +13,6 @@ from ..base.described import quantity, with_units
 from ..base.run_warnings import RunWarning
 from ..outputs.accuracy_report import Accuracy
 
-__all__ = [
-    "RESIDUAL",
-    "Creep",
-    "Cycle",
-    "MountRow",
-    "Power",
-    "PulleyRow",
-    "ReportData",
-    "Rows",
-    "SpanRow",
-    "Spread",
-]
-
 #: Name of the power that the energy ledger lacks: its error.
 RESIDUAL = "not accounted for (residual)"
 

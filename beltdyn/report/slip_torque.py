@@ -31,8 +31,6 @@ from ..drive.params import Params
 from ..drive.route import Route, route_at
 from ..drive.span import Span
 
-__all__ = ["FullSlip", "Steady", "full_slip"]
-
 #: Points and weights of Gauss and Legendre on an arc in slip: its integrand is an exponential of at
 #: most some e^3, which they integrate to rounding.
 _AT, _WEIGHT = np.polynomial.legendre.leggauss(8)

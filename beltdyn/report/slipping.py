@@ -21,8 +21,6 @@ from .rows import PulleyRow, Spread
 from .slip_torque import FullSlip, Steady, full_slip
 from .window import Window
 
-__all__ = ["friction_limits", "slip_rows"]
-
 #: A pulley whose torque changes the tension by less than this share of the mean one is an idler:
 #: what the drag of its bearings takes is no torque that one would let grow.
 IDLE = 0.01

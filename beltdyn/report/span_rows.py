@@ -17,8 +17,6 @@ from ..outputs.orders import Source, lines_at, sources
 from .rows import SpanRow, Spread
 from .window import Window
 
-__all__ = ["dominant", "line_of", "span_rows"]
-
 #: A line stands out if it holds this part of the variance and is this many times the median of the
 #: spectrum: of noise, the largest of 1e4 bins is not so high in one case of a hundred.
 PART, ABOVE = 0.25, 20.0

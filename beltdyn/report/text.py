@@ -16,19 +16,6 @@ from .cycles import CLASSES
 from .digits import NONE, between, number, or_nan, placed, tension_off, within
 from .rows import RESIDUAL, PulleyRow, ReportData
 
-__all__ = [
-    "beside_tensions",
-    "cells",
-    "couplings",
-    "foreseen",
-    "html",
-    "lines",
-    "note_on_mesh",
-    "opening",
-    "slips",
-    "tables",
-]
-
 _WIDTH = 80
 #: Part of the speed lost that may remain unexplained, and speeds lost that are as good as none.
 MAX_UNEXPLAINED, NEGLIGIBLE_LOSS = 0.1, 1e-5

@@ -16,8 +16,6 @@ from ..outputs.gross_slip import GrossSlip, gross_slip
 from ..outputs.sampled import Sampled
 from ..outputs.selection import named
 
-__all__ = ["NEEDED", "Touching", "touching"]
-
 #: The outputs that it is read off from.
 NEEDED = named(
     belt="x y phi vx vy flow",

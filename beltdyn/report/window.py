@@ -24,8 +24,6 @@ from ..outputs.spans import mid_span
 from .rows import Spread
 from .touching import NEEDED, Touching, touching
 
-__all__ = ["OF_ARCS", "Window"]
-
 #: The outputs that arcs are found from.
 OF_ARCS = named(belt="x y phi", contact="pulley normal mu velocity")
 

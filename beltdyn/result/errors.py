@@ -9,8 +9,6 @@ from ..base.run_warnings import RunWarning
 from ..drive.params import Params
 from .result import Result
 
-__all__ = ["Interrupted", "SimulationError", "annotate"]
-
 
 class SimulationError(RuntimeError):
     """A run that cannot go on, or can no longer be that of a belt drive.

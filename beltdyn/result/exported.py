@@ -20,8 +20,6 @@ from ..drive.params import Params
 from ..outputs.quantity import QUANTITIES, TIME
 from .labelled import unit_in
 
-__all__ = ["RESULTS", "check_ending", "write", "write_netcdf"]
-
 #: Kinds of file a result can be written as, by their ending, and the modules and extra they need.
 RESULTS: Mapping[str, tuple[tuple[str, ...], str]] = {
     ".npz": ((), ""),

@@ -14,8 +14,6 @@ from ..drive.mounts import KINDS
 from ..drive.params import Params
 from ..outputs.quantity import QUANTITIES, TIME, Quantity, dimensions
 
-__all__ = ["dataset", "mount_kinds", "places", "unit_in"]
-
 #: What the places along dimensions are.
 _PLACES = {
     "time": TIME.text,

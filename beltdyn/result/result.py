@@ -31,8 +31,6 @@ from . import exported, labelled, saved
 if TYPE_CHECKING:
     from ..report import Report
 
-__all__ = ["Result"]
-
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
 class Result(Sampled):

@@ -22,8 +22,6 @@ from ..outputs.selection import chosen, lacking
 from ..outputs.state import PARTS, SIZES, State
 from .exported import RESULTS
 
-__all__ = ["read", "write"]
-
 _T = TypeVar("_T")
 
 #: Raised whenever older files could be misread.

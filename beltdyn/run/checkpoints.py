@@ -29,8 +29,6 @@ from ..base.run_warnings import RunWarning
 from . import start_of_run
 from .start_of_run import Start
 
-__all__ = ["Checkpoint", "Continued", "Fresh", "Recorder", "Spent"]
-
 #: The versions are those of the kind and of the form of the file.
 _TABLES = """
 PRAGMA application_id = 0x62656c74;

@@ -11,8 +11,6 @@ from pathlib import Path
 
 from .. import _core
 
-__all__ = ["available", "check_samples", "no_room"]
-
 _LEDGER_COPIES = 12  #: Temporary columns, each as long as the times, for building a ledger.
 #: Part of what was available a moment ago below which what is needed is little.
 _LITTLE = 0.01

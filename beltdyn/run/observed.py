@@ -24,8 +24,6 @@ from ..outputs.selection import has, unchecked
 from ..outputs.squeal import squeals
 from ..result.result import Result
 
-__all__ = ["hint", "observe"]
-
 #: A torque this many times 2 T R, what is carried when all tension has gone to one side.
 TORQUE = 10.0
 #: Turned further than this a rim runs, and does not only give way to a belt that is loaded: their

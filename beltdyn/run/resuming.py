@@ -15,8 +15,6 @@ from ..result.result import Result
 from .checkpoints import Continued
 from .run import once
 
-__all__ = ["resume"]
-
 
 @suggesting
 def resume(

@@ -30,8 +30,6 @@ from .checkpoints import Recorder, Spent
 from .settling import CHUNK, settle
 from .start_of_run import Start
 
-__all__ = ["Run", "once"]
-
 #: The same for a run that a verifying run follows [s].
 _CHUNK_FOLLOWED = 0.01
 

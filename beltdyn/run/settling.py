@@ -20,8 +20,6 @@ from ..outputs.state import State, belt_speed
 from ..result.errors import Interrupted, SimulationError, annotate
 from ..result.result import Result
 
-__all__ = ["CHUNK", "check_initial", "check_params", "settle"]
-
 #: Wall time between two updates of the progress bar and two checks for Ctrl-C [s].
 CHUNK = 0.1
 

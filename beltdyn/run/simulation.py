@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from ..base.checks import Array, flag, positive, sample_times
 from ..base.described import suggesting
 from ..base.naming import ByPulley
-from ..base.run_options import BY_BUDGET, METHODS, USUAL, Options
+from ..base.run_options import BY_BUDGET, USUAL, Options
 from ..base.run_warnings import issue
 from ..drive.params import Params
 from ..drive.scene import Scene
@@ -34,8 +34,6 @@ from .checkpoints import Checkpoint, Fresh, Recorder
 from .run import once
 from .settling import check_initial, check_params, settle
 from .start_of_run import Start, span
-
-__all__ = ["METHODS", "settle", "simulate"]
 
 _DEFAULT_SAMPLES = 1001
 

@@ -21,8 +21,6 @@ from ..outputs.accuracy_report import WORDS, Expected
 from ..outputs.selection import chosen
 from ..outputs.state import SIZES, State
 
-__all__ = ["Start", "pack", "span", "unpack"]
-
 #: Those in text; times are an array.
 _OPTIONS = {name: row for name, row in Options.rows().items() if row.kind is not np.ndarray}
 _KIND: dict[str, Any] = {

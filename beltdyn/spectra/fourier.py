@@ -7,8 +7,6 @@ import numpy as np
 from ..base.checks import Array, real
 from ..base.optional import scipy_module
 
-__all__ = ["amplitude_spectrum", "even_step", "spectrogram"]
-
 #: Fewer samples have no spectrum worth the name.
 FEWEST = 16
 #: Spectra are computed at this many times the points that the samples have, so that the peak of a

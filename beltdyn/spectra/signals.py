@@ -15,8 +15,6 @@ from ..outputs.selection import array_names
 from ..result.labelled import mount_kinds, places
 from ..result.result import Result
 
-__all__ = ["Signal", "signal"]
-
 #: Outputs that are no signals over time; what labels call some.
 _NONE = ("energy", "contact.pulley")
 _WORDS = {

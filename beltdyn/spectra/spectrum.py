@@ -17,8 +17,6 @@ from ..result.result import Result
 from .fourier import FEWEST, amplitude_spectrum, even_step, spectrogram
 from .signals import signal
 
-__all__ = ["Line", "Spectrogram", "Spectrum", "spectrum", "speed_spectra"]
-
 #: Least height of a peak that is listed, as a share of the largest.
 _FAINT = 0.02
 

@@ -14,9 +14,6 @@ from ..many.outcome import STATUSES, Outcome
 from .outcomes import Axis, Layout, Quantity, in_text
 from .points import RUN, Points
 
-__all__ = ["Table"]
-
-
 #: A run, its numbers and its texts; its layout is kept once for many.
 _Row = tuple[int, Array, tuple[str, ...]]
 

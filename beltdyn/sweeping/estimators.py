@@ -10,8 +10,6 @@ import numpy as np
 from ..base.checks import Array
 from ..base.optional import optional_module
 
-__all__ = ["Design", "Indices", "estimated"]
-
 #: Groups of runs below which the spread of resampled groups says little of the indices' errors.
 _LEAST_GROUPS = 16
 #: Harmonics of RBD-FAST that count as the parameter's (Tarantola, Gatelli and Mara 2006), and the

@@ -41,8 +41,6 @@ from ..drive.scene import Scene
 from ..loads.torques import Torque, TorqueSum
 from .sampling import sample
 
-__all__ = ["SweepFile", "read"]
-
 _FIELDS = ("scene", "measure", "last", "combine", "warm", "over", "sample", "options", "key")
 #: Distributions by name, and their classes in scipy.stats with what their two numbers are.
 _DISTRIBUTIONS = {

@@ -21,8 +21,6 @@ from ..result.labelled import places, unit_in
 from ..result.result import Result
 from .outcomes import Axis, Measured, Quantity, packed
 
-__all__ = ["DEFAULT", "Measure", "as_measure"]
-
 #: What is measured if nothing is asked for.
 DEFAULT = (
     "report.pulleys.speed",

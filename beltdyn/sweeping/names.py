@@ -23,8 +23,6 @@ from ..loads.motions import CrankMotion, Motion, as_motions
 from ..loads.torques import PiecewiseLinear, Torque, TorqueSum
 from ..many.content import Place, parts_of, speed_of
 
-__all__ = ["OPTIONS", "Named", "ScaledFunction", "changed", "find", "in_words", "place"]
-
 #: Arguments of simulate that may differ between the runs of a sweep, with their defaults.
 OPTIONS: Mapping[str, Any] = {
     **{name: getattr(USUAL, name) for name in Options.rows()},

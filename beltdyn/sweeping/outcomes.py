@@ -15,18 +15,6 @@ from ..base.checks import Array
 from ..many.outcome import Outcome
 from ..many.store import Kept
 
-__all__ = [
-    "NOTHING",
-    "Axis",
-    "Layout",
-    "Measured",
-    "Quantity",
-    "in_text",
-    "of_kept",
-    "packed",
-    "to_kept",
-]
-
 
 class Axis(NamedTuple):
     """An axis of a quantity, besides those of the sweep."""

@@ -12,8 +12,6 @@ import numpy as np
 from ..base.checks import one_of, shown
 from .sampling import Samples
 
-__all__ = ["RUN", "Points", "as_points"]
-
 #: The dimension of runs that are not a grid.
 RUN = "run"
 #: Integers of tables are below.

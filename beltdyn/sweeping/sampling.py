@@ -13,8 +13,6 @@ from ..base.described import suggesting
 from ..base.optional import optional_module
 from ..base.tables import columns
 
-__all__ = ["METHODS", "Samples", "sample"]
-
 METHODS = ("sobol", "halton", "latin-hypercube", "random", "saltelli")
 
 #: Shares of a distribution are kept this far from 0 and 1, where most have no value: half the

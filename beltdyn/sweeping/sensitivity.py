@@ -18,8 +18,6 @@ from ..base.tables import columns
 from .estimators import CONSTANT, Design, Indices, estimated
 from .sampling import METHODS
 
-__all__ = ["Sensitivity", "sensitivity"]
-
 #: Entries of a quantity that are printed.
 _SHOWN = 12
 

@@ -35,8 +35,6 @@ from .outcomes import in_text, of_kept, to_kept
 from .points import RUN, Points, as_points
 from .work import Work
 
-__all__ = ["SweepInterrupted", "Swept", "run_sweep", "sweep"]
-
 _LATEST = 1e300  #: Any time is before it [s].
 
 

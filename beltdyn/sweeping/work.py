@@ -20,11 +20,10 @@ from ..many.outcome import Outcome, attempt, in_line
 from ..many.shared import Shared
 from ..outputs.state import State
 from ..result.result import Result
-from ..run.simulation import settle, simulate
+from ..run.settling import settle
+from ..run.simulation import simulate
 from .measure import Measure
 from .names import changed, find
-
-__all__ = ["Work"]
 
 #: What tells the drives of a sweep apart: their swept values.
 _Drive = tuple[Hashable, ...]

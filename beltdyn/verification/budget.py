@@ -21,8 +21,6 @@ from .forecast import Forecast, Pilot
 from .quantities import with_links
 from .runs import Reached, Runs
 
-__all__ = ["Plan", "plan"]
-
 #: What "most accurate" means: errors of this quantity.
 _QUANTITY = "tension"
 #: Share of the budget after which no pilot run begins, and after which one is ended.

@@ -25,8 +25,6 @@ from .quantities import Observed, differences, with_links
 from .runs import Done
 from .settings import Setting, fewest
 
-__all__ = ["LADDER", "Forecast", "Pilot"]
-
 #: The first mesh has twice the fewest links that lie round the smallest pulley: twelve on it.
 _FIRST = 2
 #: A mesh is looked for that takes this share of the error, and leaves the rest for time.

@@ -17,16 +17,6 @@ from ..outputs.averages import time_weights
 from ..outputs.spans import mid_span
 from ..result.result import Result
 
-__all__ = [
-    "HISTORIES",
-    "OBSERVED",
-    "QUANTITIES",
-    "Observed",
-    "differences",
-    "observe",
-    "with_links",
-]
-
 #: The quantities, in the order in which they are reported; :class:`Observed` describes them.
 QUANTITIES = ("tension", "speed", "span_mean", "creep", "friction", "power")
 #: Those that are histories, the others are means over the last part of a run.

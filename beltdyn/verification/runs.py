@@ -22,8 +22,6 @@ from ..result.result import Result
 from .quantities import Observed, observe, with_links
 from .settings import Setting
 
-__all__ = ["Done", "Reached", "Runs", "apart_from", "evaluated_in_core", "whole_scene"]
-
 
 def whole_scene(value: object, other: str = "one of bd.scenes") -> Scene:
     """Return a scene that can be run, from one or from a tuple of its parts."""

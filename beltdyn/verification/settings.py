@@ -10,8 +10,6 @@ import attrs
 from .. import _core
 from ..drive.params import Params
 
-__all__ = ["METHODS", "RTOLS", "Setting", "fewest", "meshes"]
-
 #: Methods that control their error and are worth a choice ("lie" and "rk4" are for comparison).
 METHODS = tuple(name for name in _core.METHODS if name in ("auto", "tsit5", "rodas4", "lbdf2"))
 #: Tolerances, from loose to tight; values above 0.1 loosen nothing further.

@@ -10,8 +10,6 @@ from ..base.checks import Array
 from ..outputs.averages import time_weights
 from .quantities import HISTORIES, Observed
 
-__all__ = ["space_error"]
-
 #: Range of the order that the extrapolation believes in: below 1 it would multiply differences by
 #: more than the noise in them allows, and no mesh here converges faster than with order 2.
 ORDERS = (1.0, 2.0)

@@ -34,8 +34,6 @@ from .quantities import (
 from .runs import Done, Reached, Runs, apart_from, evaluated_in_core
 from .space import space_error
 
-__all__ = ["Verification"]
-
 #: Links of the other meshes over those of the run. The finer one costs about twice as much as the
 #: run, the coarser one half.
 COARSE, FINE = 0.5, 1.5

@@ -23,8 +23,6 @@ import numpy as np
 from ..base.optional import scipy_module
 from .linearised import Linear, scipy_sparse
 
-__all__ = ["count", "counted"]
-
 #: Largest turn of a step; steps of each side at first, in one try after the other; most points.
 QUARTER, STEPS, MOST = 0.5 * np.pi, (50, 150), 5000
 

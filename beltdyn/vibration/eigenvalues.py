@@ -23,8 +23,6 @@ from ..base.checks import Array
 from ..drive.params import Params
 from .linearised import Complex, Linear, scipy_sparse
 
-__all__ = ["Found", "disc", "first_rate", "residuals", "search"]
-
 #: Of a disc, against the distance of its centre from 0; and of the disc for real eigenvalues.
 RADIUS, DECAYS = 0.98, 0.95
 #: Vectors at once; blocks at first; and most vectors of a space.

@@ -22,8 +22,6 @@ from .linearised import masses, passing_of
 from .mesh_phases import after, at_their_speeds
 from .torque_slopes import torques_at
 
-__all__ = ["imbalance"]
-
 #: Of the run over a passing.
 RTOL = 1e-5
 

@@ -16,8 +16,6 @@ from .linearised import Linear
 from .participation import steady_share
 from .turning import rigid_rates, without_turning
 
-__all__ = ["growing"]
-
 #: Of a disc, against its centre; the next centre against the last, which overlap; share of the
 #: energy in the mean over phases of the mesh, as of modes.
 RADIUS, NEXT, STEADY = 0.9, 12.0, 0.5

@@ -35,19 +35,6 @@ from ..drive.route import route_at
 from ..outputs.spans import has_angles
 from ..outputs.state import State
 
-__all__ = [
-    "BEHIND",
-    "LINK_FIELDS",
-    "Complex",
-    "Linear",
-    "derivative",
-    "linearise",
-    "masses",
-    "passing_of",
-    "scipy_sparse",
-    "speed_of",
-]
-
 Complex = NDArray[np.complex128]
 
 #: Share of the wave speed below which the belt is at rest.

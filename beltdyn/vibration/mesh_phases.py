@@ -32,8 +32,6 @@ from .eigenvalues import first_rate
 from .linearised import BEHIND, Linear, derivative, linearise, passing_of, scipy_sparse
 from .torque_slopes import balancing
 
-__all__ = ["after", "at_their_speeds", "linearise_over", "states_over"]
-
 #: A belt at rest moves by a link in so many periods of its spans; the pulleys that are free are
 #: damped by this share of their inertia and the spans' rate meanwhile.
 PERIODS, DAMPING = 40.0, 0.03

@@ -15,8 +15,6 @@ from ..outputs.state import State
 from .linearised import Complex
 from .participation import Participation
 
-__all__ = ["Modes", "Shapes"]
-
 #: Motions that decay without oscillating of which each has a line in print.
 STILL = 4
 #: Estimated error of a frequency by the mesh from which on it is reported.

@@ -26,8 +26,6 @@ from .mode_set import Modes, Shapes
 from .torque_slopes import torque_slopes
 from .turning import without_turning
 
-__all__ = ["check_drive", "linear_drive", "modes"]
-
 #: Force left over against the tension above which a state is no equilibrium: settled ones leave
 #: 1e-9, steady runs at their tolerance up to 5e-3. Residual above which an eigenvector is no mode.
 UNBALANCED, LEFT_OVER = 1e-2, 1e-5

@@ -22,15 +22,6 @@ from ..drive.params import Params
 from ..result.labelled import mount_kinds
 from .linearised import Complex, Linear, masses
 
-__all__ = [
-    "Participation",
-    "moves",
-    "participation",
-    "same_modes",
-    "steady_share",
-    "weighted",
-]
-
 #: Share from which on a part is named second, and displacement that counts for a node.
 SECOND, NODE = 0.2, 0.05
 _ORDINALS = {1: "1st", 2: "2nd", 3: "3rd"}

@@ -24,8 +24,6 @@ from .modes import check_drive, linear_drive
 from .participation import moves
 from .turning import mesh_stiffness
 
-__all__ = ["FrequencyResponse", "frequency_response"]
-
 #: Displacement of the differences that tensions are read off [m].
 _STEP = 1e-8
 _NOT_REMOVED = (

@@ -12,8 +12,6 @@ from ..drive.params import Params
 from ..loads.torques import TorqueLike, as_terms
 from ..outputs.state import State
 
-__all__ = ["balancing", "torque_slopes", "torques_at"]
-
 #: Steps of the differences: of angles [rad]; of speeds [rad/s] and against the speed.
 _ANGLE, _SPEED, _RELATIVE = 1e-5, 1e-4, 1e-4
 

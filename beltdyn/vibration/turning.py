@@ -14,8 +14,6 @@ from .eigenvalues import Found, first_rate
 from .linearised import Complex, Linear, masses, scipy_sparse
 from .participation import weighted
 
-__all__ = ["mesh_stiffness", "rigid_rates", "rigid_share", "rigid_turning", "without_turning"]
-
 #: Share of a mode's kinetic energy in the drive turning as a whole, from which on it is that.
 WHOLE = 0.9
 #: Rate at which a stiffness is taken for static, against the spans' lowest; and how much of the
