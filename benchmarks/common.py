@@ -34,7 +34,7 @@ import attrs
 import numpy as np
 
 import beltdyn as bd
-from beltdyn.run.simulation import METHODS
+from beltdyn.base.run_options import METHODS
 
 # The paper's belt has 60 links by design; whatever else a run warns of is to be seen.
 warnings.filterwarnings("ignore", "mesh", UserWarning)

@@ -21,7 +21,7 @@ import stored_runs
 from tiers import ci_if
 
 import beltdyn as bd
-from beltdyn.run.simulation import METHODS
+from beltdyn.base.run_options import METHODS
 
 #: Every method once, on some of the legs, by default; all legs of all cases in CI.
 SOME = (0, 4, 7)
