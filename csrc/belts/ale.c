@@ -688,6 +688,9 @@ double bd_ale_start(bd_ale *ale, double length, double speed, const bd_ale_state
       flow = speed / (1.0 + (H + ale->density * flow * speed) / ale->axial);
     }
     const double shorter = bd_ale_lay(ale, H, flow, y) / length - 1.0;
+    if (!isfinite(shorter)) { /* what hangs so far that its ends roll off */
+      return (double)NAN;
+    }
     const int rounds = fabs(shorter) < ROUNDING && fabs(shorter) >= fabs(short_before);
     if (fabs(shorter) < 4e-16 ||
         (turn > 0 && (rounds || !(fabs(H - before) > 1e-12 * ale->rest)))) {

@@ -420,12 +420,13 @@ static int check_limits(const bd_plan *plan, double t, bd_error *err) {
   for (int j = 0; j < ale->np; ++j) {
     const bd_ale_arc *arc = &ale->arcs[j];
     const bd_ale_span *span = &ale->spans[j];
-    double least = (double)INFINITY, slope = 0.0;
+    double least = (double)INFINITY, swings = 0.0, stands = 0.0;
     for (int k = arc->begin; k <= arc->begin + arc->n; ++k) {
       least = bd_at_most(ale->pressing[k], least);
     }
     for (int n = 0; n < BD_ALE_MODES; ++n) {
-      slope += fabs(span->wave[n] * span->ab[n]);
+      swings += fabs(span->wave[n] * (span->ab[n] - span->rest[n]));
+      stands += fabs(span->wave[n] * span->rest[n]);
     }
     const double thrown = ale->density * span->past * span->past / span->stretch;
     if (!(thrown < span->elastic)) {
@@ -440,10 +441,12 @@ static int check_limits(const bd_plan *plan, double t, bd_error *err) {
                         "tension of %.3g N, %.3g N at rest, %s",
                         bd_pulley_label(plan->model, j).text, t, least, ale->rest, advice);
     }
+    const double slope = swings + stands;
     if (!(slope < STEEPEST)) {
       return bd_fail_at(err, BD_ERR_OFF_PULLEY, "belt", t, -1, j, slope,
-                        "the span behind %s swings with a slope of %.2g at t = %.9g s, %s",
-                        bd_pulley_label(plan->model, j).text, slope, t, advice);
+                        "the span behind %s %s with a slope of %.2g at t = %.9g s, %s",
+                        bd_pulley_label(plan->model, j).text,
+                        swings > stands ? "swings" : "is bent by its stiffness", slope, t, advice);
     }
     const double bends = sqrt(ale->bending / ale->rest);
     if (!(arc->wrap * arc->radius > fmax(2.0 * bends, LEAST * arc->radius))) {
