@@ -44,7 +44,8 @@ def _gravity(value: Sequence[float]) -> tuple[float, float]:
     return x, y
 
 
-@attrs.frozen(kw_only=True)
+# Not slotted: what is computed once stands in the instance, so that an error there is the only one.
+@attrs.frozen(kw_only=True, slots=False)
 class Drive:
     """What all modules that ask something of a drive know of :class:`beltdyn.Params`."""
 
