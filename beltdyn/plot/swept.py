@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..base.checks import Array, close_to, shown
+from ..base.checks import Array, close_to, one_of, shown
 from ..base.optional import optional_module
 from . import style
 
@@ -100,13 +100,7 @@ def _check(dataset: object, quantity: object) -> None:
         for name, array in dataset.data_vars.items()
         if array.dtype.kind in "iufb" and name not in _OF_RUNS
     ]
-    if not isinstance(quantity, str):
-        raise TypeError(f"quantity must be a name, got {shown(quantity)}")
-    if quantity not in known:
-        raise ValueError(
-            f"quantity must be one of {', '.join(known) or '(none)'}, got {quantity!r}"
-            f"{close_to(quantity, known)}"
-        )
+    one_of("quantity", quantity, known or ["(none)"])
 
 
 def _index(part: Any, name: str, value: Any) -> int:

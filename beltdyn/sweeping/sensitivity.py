@@ -11,7 +11,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..base.checks import Array, close_to, integer, real, shown
+from ..base.checks import Array, integer, one_of, real, shown
 from ..base.described import suggesting
 from ..base.optional import optional_module
 from ..base.tables import columns
@@ -265,17 +265,9 @@ def _quantity(dataset: Any, quantity: object) -> Any:
     ]
     if quantity is None and len(known) == 1:
         return dataset[known[0]]
-    listed = ", ".join(known) or "none"
     if quantity is None:
-        raise ValueError(f"quantity must be named, there are {listed}")
-    if not isinstance(quantity, str):
-        raise TypeError(f"quantity must be a name, got {shown(quantity)}")
-    if quantity not in known:
-        raise ValueError(
-            f"quantity must be one of the numbers of the dataset, {listed}, got {quantity!r}"
-            f"{close_to(quantity, known)}"
-        )
-    return dataset[quantity]
+        raise ValueError(f"quantity must be named, there are {', '.join(known) or 'none'}")
+    return dataset[one_of("quantity", quantity, known or ["(none)"])]
 
 
 def _by_run(array: Any, design: Design) -> Array:

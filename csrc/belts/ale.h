@@ -33,7 +33,9 @@ void bd_ale_carve(bd_carver *carver, bd_ale *ale, const bd_ale_drive *drive);
 /* Fills what has been carved; dampers of spans, once axes are placed. */
 void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive);
 void bd_ale_damp_spans(bd_ale *ale);
-/* What waves of a span are under a force that presses it. */
+/* Constants of a span's waves, by its length at rest; what they are under a force that presses it,
+ * X of the span known. */
+void bd_ale_fit_waves(const bd_ale *ale, bd_ale_span *span);
 void bd_ale_hold_waves(const bd_ale *ale, bd_ale_span *span, double pressing);
 /* Arrays of a state, or of its rates, after one another: of so many numbers. */
 size_t bd_ale_state_size(const bd_ale_drive *drive, int states);

@@ -524,8 +524,7 @@ static int after_step(bd_plan *plan, double t, double *y, double tolerance, int 
   return BD_OK;
 }
 
-/* --- what others ask -----------------------------------------------------------------------------
- */
+/* --- what others ask ---------------------------------------------------------------------- */
 
 static bd_contact_rounding rounding(const bd_plan *plan, const double *y, int j) {
   (void)plan, (void)y, (void)j;

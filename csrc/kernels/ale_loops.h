@@ -21,6 +21,8 @@
 
 #include "kernels/ale_blocks.h"
 
+#include "kernels/ale_solutions.h"
+
 #define ALE_RUB(name, class, general, states, text) [BD_LAW_##name] = rub_##name,
 #define ALE_SLOPES(name, class, general, states, text) [BD_LAW_##name] = slopes_##name,
 const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL) = {
