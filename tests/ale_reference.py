@@ -314,8 +314,8 @@ class Ale(Mesh):
         touches from e on and what waves that lift it have rolled it by, an angle of both ends of
         the spans (..., 2, n_p), given back. Load and its first moment are kept in each cell. [3]
         """
-        ei, of = self.bending_stiffness, self.arc_pulley
-        if ei == 0.0 or not self.boundary_layers:
+        of = self.arc_pulley
+        if not self.boundary_layers:
             cuts = np.broadcast_to(np.array([[0.0], [1.0]]), (2, len(self.arcs)))
             held = np.stack((np.zeros_like(cuts), cuts, np.zeros_like(cuts)))
             return np.broadcast_to(held, (*pressing.shape[:-1], *held.shape)), 0.0 * lifted
@@ -327,23 +327,21 @@ class Ale(Mesh):
         angles = np.roll(lifted[..., 1, :], 1, axis=-1), lifted[..., 0, :]
         for force, angle in zip((np.roll(h, 1, axis=-1), h), angles, strict=True):
             stiff = 0.5 * (c2 + np.sqrt(c2**2 + 4.0 * c1 * force / self.radii))  # N / d
-            square = 0.5 * np.sqrt(stiff / ei)
-            p = np.sqrt(square + 0.25 * force / ei)
-            q = np.sqrt(np.maximum(square - 0.25 * force / ei, 1e-6 * square))
-            e = np.minimum(np.sqrt(ei / force) - p / square, 0.45 * on)
+            fast, slow, reach = self.sinking(force, stiff)
+            e = np.minimum(reach, 0.45 * on)
             begin = np.clip(e + roll * angle, np.minimum(e, 0.0), 0.45 * on)
             rolled.append((begin - e) / roll)
-            ends.append([one[..., of] for one in (e, p, q, (1.0 + p * e) / q, begin)])
-        first, last = ends[0][4], whole - ends[1][4]
+            ends.append([one[..., of] for one in (e, fast, slow, begin)])
+        first, last = ends[0][3], whole - ends[1][3]
 
         def more(x: Array, end: list[Array]) -> tuple[Array, Array]:
             """What is carried more than H/R up to x behind the touching point, less what it is far
             from there, over H/R; and its integral.
             """
-            e, p, q, over, _ = end
-            fades, sine, cosine = np.exp(-p * x), np.sin(q * x), np.cos(q * x)
-            sums = e * (p * cosine - q * sine) + over * (p * sine + q * cosine)
-            return -fades * (e * cosine + over * sine), fades * sums / (p**2 + q**2)
+            e, fast, slow, _ = end
+            one = (1.0 + slow * e) / (fast - slow) * np.exp(-fast * x)
+            two = -(1.0 + fast * e) / (fast - slow) * np.exp(-slow * x)
+            return (one + two).real, -(one / fast + two / slow).real
 
         def carried(s: Array) -> tuple[Array, Array]:
             """Of both ends together, from the start to s."""
@@ -352,13 +350,17 @@ class Ale(Mesh):
 
         part = whole / self.on[of]  # a cell
         begin = self.fraction[self.arcs] * whole
-        s_0, s_1 = np.clip(begin, first, last), np.clip(begin + part, first, last)
+        # belt may touch a little before the wrap begins
+        first_cell = self.fraction[self.arcs] == 0.0
+        last_cell = np.roll(first_cell, -1)
+        s_0 = np.clip(np.where(first_cell, -np.inf, begin), first, last)
+        s_1 = np.clip(np.where(last_cell, np.inf, begin + part), first, last)
         lies = s_1 - s_0 > 0.02 * part
         (c_0, sum_0), (c_1, sum_1) = carried(s_0), carried(s_1)
         mean = (sum_1 - sum_0) / np.where(lies, s_1 - s_0, 1.0)
         end = 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2) / part[..., None, :]
         cuts = np.stack((s_0 - begin, s_1 - begin), axis=-2) / part[..., None, :]
-        reach = [np.maximum(one[0], 0.5 / one[1]) for one in ends]
+        reach = [np.maximum(one[0], 1.0 / (one[1] + one[2]).real) for one in ends]
         reach = np.where(2.0 * self.fraction[self.arcs] < 1.0, *reach)
         share = roll[of] / reach
         held = np.stack((end, cuts, np.stack((share, share), axis=-2)), axis=-3)

@@ -267,29 +267,41 @@ class Mesh:
         c1, c2 = self.contact
         return np.asarray(c1 * np.maximum(sink, 0.0) ** 3 / 3.0 + c2 * sink**2 / 2.0)
 
-    def _lying(self, r: float, force: float) -> tuple[float, Callable[[Array], Array]]:
-        """Where belt touches a pulley under a force, and its depth from there on. [3]"""
-        d, ei = depth(force / r, self.contact), self.bending_stiffness
-        square = 0.5 * math.sqrt(force / (r * d) / ei)
-        p = math.sqrt(square + 0.25 * force / ei)
-        q = math.sqrt(max(square - 0.25 * force / ei, 1e-6 * square))
-        e = math.sqrt(ei / force) - p / square
-        over = p * (1.0 + p * e) / q + q * e
-        return e, lambda x: d - d * np.exp(-p * x) * (np.cos(q * x) - over * np.sin(q * x))
+    def sinking(self, force: Array, stiff: Array) -> tuple[Array, Array, Array]:
+        """Exponents of belt that sinks in, those of a string without bending, whose first one has
+        no share; and where it touches. [3]
+        """
+        ei = self.bending_stiffness
+        if ei == 0.0:
+            slow = np.sqrt(stiff / force) + 0j
+            return 3.0 * slow, slow, -1.0 / slow.real
+        square, along = 0.5 * np.sqrt(stiff / ei), 0.25 * force / ei
+        apart = np.maximum(abs(square - along), 1e-6 * square) * np.sign(along - square)
+        p, q = np.sqrt(square + along), np.sqrt(apart + 0j)
+        return p + q, p - q, np.sqrt(ei / force) - p / square
+
+    def _lying(self, r: float, force: float) -> tuple[float, float, Callable[[Array], Array]]:
+        """Where belt touches a pulley under a force, over what length it sinks in, and its depth
+        from there on. [3]
+        """
+        d = depth(force / r, self.contact)
+        fast, slow, e = self.sinking(np.array(force), np.array(force / (r * d)))
+        one = fast * (1.0 + slow * e) / (slow - fast)
+        return (
+            float(e), float(1.0 / slow.real),
+            lambda x: d + d * (one * np.exp(-fast * x) - (1.0 + one) * np.exp(-slow * x)).real,
+        )  # fmt: skip
 
     def _sinking(self, r: float) -> tuple[float, float]:
         """By the speed squared at which belt runs on a pulley, the integral of d'^2; by the rate of
         H squared that of (dd/dH)^2, less what the cells of the arc have of it. [5]
         """
         h = self.h_0
-        deep = depth(h / r, self.contact)
-        if self.bending_stiffness == 0.0:
-            return (2.0 * deep * r) ** 1.5 / (3.0 * r**2), 0.0
-        small, far = 1e-5 * h, 60.0 * (self.bending_stiffness * deep * r / h) ** 0.25
-        (e, here), (e_more, more), (e_less, less) = (
+        small = 1e-5 * h
+        (e, reach, here), (e_more, _, more), (e_less, _, less) = (
             self._lying(r, h + one) for one in (0.0, small, -small)
         )
-        x = np.linspace(0.0, far, 20001)
+        x = np.linspace(0.0, 30.0 * reach, 20001)
         slope = CubicSpline(x, here(x))(x, 1)
         rate = (more(x) - less(x) - slope * (e_more - e_less)) / (2.0 * small)
         cells = depth((h + small) / r, self.contact) - depth((h - small) / r, self.contact)

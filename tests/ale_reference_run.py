@@ -190,13 +190,13 @@ def run(
     model = copy.copy(model)
     t, h, times = float(times[0]), first, np.asarray(times)
     states, at = [y], 1
-    hold(model, y)
+    hold(model, y, t)
     done = rejected = 0
     fresh, renewed = False, t
     while at < len(times):
         if not fresh:
             before = model.held
-            hold(model, y)
+            hold(model, y, t)
             y = relaid(model, y, before, t - renewed)
             renewed = t
             rate, jac = model.rate(t, y), jacobian(model, t, y)
@@ -240,9 +240,9 @@ def run(
     return Run(found, done, rejected)
 
 
-def hold(model: Ale, y: Array) -> None:
+def hold(model: Ale, y: Array, t: float = 0.0) -> None:
     """Freeze W of the ends of wraps as this state has it, and what waves are."""
-    geo = model.geometry(0.0, y)
+    geo = model.geometry(t, y)
     object.__setattr__(model, "held", None)
     ax = model.axial(y, geo)
     waves = model.waves_of(ax.pressing[..., model.spans], geo.span)

@@ -163,54 +163,41 @@ static void damp_arc(const bd_ale *ale, bd_ale_arc *arc, double damping) {
   arc->damping = arc->axial_part + damping * sinks * sinks;
 }
 
-/* The end of a wrap on a pulley under a force: depth is 0 up to `touch`, then that far from there
- * times 1 - exp(-p x) (cos q x - over sin q x) (MODEL section 11.3). */
-typedef struct lying_end {
-  double depth, touch, p, q, over;
-} lying_end;
-
-static lying_end lying_under(const bd_ale *ale, double radius, double H) {
-  const double EI = ale->bending, depth = bd_contact_depth(ale->quadratic, ale->linear, H / radius);
-  const double beta2 = 0.5 * sqrt(H / (radius * depth * EI)), along = 0.25 * H / EI;
-  const double p = sqrt(beta2 + along), q = sqrt(fmax(beta2 - along, 1e-6 * beta2));
-  const double touch = sqrt(EI / H) - p / beta2;
-  return (lying_end){depth, touch, p, q, p * (1.0 + p * touch) / q + q * touch};
-}
-
-/* So far in from there, and its slope. */
-static double depth_at(const lying_end *end, double in, double *slope) {
-  const double p = end->p, q = end->q, over = end->over;
-  const double fades = end->depth * exp(-p * in), co = fades * cos(q * in),
-               si = fades * sin(q * in);
-  *slope = (p + q * over) * co + (q - p * over) * si;
-  return end->depth - co + over * si;
+/* Depth behind where belt touches, and its slope. */
+static double depth_at(const bd_ale_roots *end, double depth, double in, double *slope) {
+  const double p = end->p, q = end->q, turns = end->turns;
+  const double over = p * (1.0 + p * end->touch) / q + turns * q * end->touch;
+  double co, si;
+  bd_ale_fade(end, in, &co, &si);
+  *slope = depth * ((p + q * over) * co + (turns * q - p * over) * si);
+  return depth * (1.0 - co + over * si);
 }
 
 /* What contact dampers of one take at the end of a wrap, by Simpson's rule: of belt that runs on or
- * off there, over the speed squared, the integral of d'^2 (without bending it goes straight until
- * it is as deep); as the force rises that of its rate squared, less what the arc's cells take. */
+ * off there, over the speed squared, the integral of d'^2; as the force rises that of its rate
+ * squared, less what the arc's cells take. */
 static void sinks_at(const bd_ale *ale, double R, double *running, double *pressed) {
   enum { STEPS = 1000 };
   const double SMALL = 1e-5, FAR = 16.0, H = ale->rest, per = 0.5 / (SMALL * H);
-  const double deep = bd_contact_depth(ale->quadratic, ale->linear, H / R);
-  *running = pow(2.0 * deep * R, 1.5) / (3.0 * R * R);
-  *pressed = 0.0;
-  if (!(ale->bending > 0.0)) {
-    return;
+  double depth[3];
+  bd_ale_roots end[3];
+  for (int k = 0; k < 3; ++k) {
+    const double force = H * (1.0 + (k - 1) * SMALL);
+    depth[k] = bd_contact_depth(ale->quadratic, ale->linear, force / R);
+    end[k] = bd_ale_roots_of(ale->bending, force, force / (R * depth[k]));
   }
-  const lying_end end = lying_under(ale, R, H), more = lying_under(ale, R, H * (1.0 + SMALL)),
-                  less = lying_under(ale, R, H * (1.0 - SMALL));
-  const double step = FAR / (end.p * STEPS), rolls = (more.touch - less.touch) * per;
-  const double everywhere = (more.depth - less.depth) * per;
+  const double step = FAR / (bd_ale_slowest(&end[1]) * STEPS), rolls = (end[2].touch - end[0].touch) * per;
+  const double everywhere = (depth[2] - depth[0]) * per;
   *running = 0.0;
-  *pressed = -end.touch * everywhere * everywhere;
+  *pressed = -end[1].touch * everywhere * everywhere;
   for (int k = 0; k <= STEPS; ++k) {
     const double part = step / 3.0 * (k == 0 || k == STEPS ? 1.0 : k % 2 == 1 ? 4.0 : 2.0);
     double slope, unused;
-    depth_at(&end, k * step, &slope);
-    const double rises =
-        (depth_at(&more, k * step, &unused) - depth_at(&less, k * step, &unused)) * per -
-        slope * rolls;
+    depth_at(&end[1], depth[1], k * step, &slope);
+    const double rises = (depth_at(&end[2], depth[2], k * step, &unused) -
+                          depth_at(&end[0], depth[0], k * step, &unused)) *
+                             per -
+                         slope * rolls;
     *running += part * slope * slope;
     *pressed += part * (rises * rises - everywhere * everywhere);
   }

@@ -266,6 +266,44 @@ static inline double bd_ale_cubic(const double *value, const double *slope, doub
   return value[i] + s * (slope[i] + s * (b + s * c));
 }
 
+/* How belt of which an end lies on a pulley sinks in (MODEL section 11.3): with exp(-p x) (cos,
+ * sin)(q x), cosh and sinh (`turns` -1) where bending is less than H^2 / 4c; and where it touches.
+ */
+typedef struct bd_ale_roots {
+  double p, q, turns, touch;
+} bd_ale_roots;
+
+/* Under the force H, c = N / d. */
+static inline bd_ale_roots bd_ale_roots_of(double EI, double H, double c) {
+  if (!(EI > 0.0)) { /* a string: the slower exponential is all, whatever the other */
+    const double slow = sqrt(c / H);
+    return (bd_ale_roots){.p = 2.0 * slow, .q = slow, .turns = -1.0, .touch = -1.0 / slow};
+  }
+  const double square = 0.5 * sqrt(c / EI), along = 0.25 * H / EI, p = sqrt(square + along);
+  return (bd_ale_roots){.p = p,
+                        .q = sqrt(fmax(fabs(square - along), 1e-6 * square)),
+                        .turns = square > along ? 1.0 : -1.0,
+                        .touch = sqrt(EI / H) - p / square};
+}
+
+static inline double bd_ale_slowest(const bd_ale_roots *roots) {
+  return roots->turns > 0.0 ? roots->p : roots->p - roots->q;
+}
+
+/* cosh and sinh by themselves would overflow. */
+static inline void bd_ale_fade(const bd_ale_roots *roots, double x, double *co, double *si) {
+  const double p = roots->p, q = roots->q;
+  if (roots->turns > 0.0) {
+    const double fades = exp(-p * x);
+    *co = fades * cos(q * x);
+    *si = fades * sin(q * x);
+  } else {
+    const double slow = 0.5 * exp((q - p) * x), fast = 0.5 * exp(-(q + p) * x);
+    *co = slow + fast;
+    *si = slow - fast;
+  }
+}
+
 /* What the contact of a cell stores per metre of stress-free belt. */
 static inline double bd_ale_pressed(const bd_ale *ale, double depth) {
   const double sunk = bd_at_least(depth, 0.0);

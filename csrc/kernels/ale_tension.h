@@ -418,30 +418,29 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
  * pressure begins, and what it lacks stands further in, as what a beam does that is bent from 1 / R
  * to none. */
 typedef struct wrap_end {
-  double begin, touch, p, q, over; /* of exp(-p x) (cos, sin)(q x); what goes with the sine */
-  double x, co, si;                /* the last of these, */
-  double apart, by[2]; /* and what leads from it to the end of the next cell, so far on */
+  bd_ale_roots roots;
+  double begin, touch, over; /* what goes with the sine */
+  double x, co, si;          /* the last of these, */
+  double apart, by[2];       /* and what leads from it to the end of the next cell, so far on */
 } wrap_end;
 
 INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int span, double most,
                        double apart) {
   const bd_ale_span *of = &ale->spans[span];
   const double H = bd_at_least(of->pressing, BD_ALE_LEAST * ale->rest);
-  const double EI = ale->bending, c1 = ale->quadratic, c2 = ale->linear;
+  const double c1 = ale->quadratic, c2 = ale->linear;
   const double stiff = 0.5 * (c2 + sqrt(c2 * c2 + 4.0 * c1 * H / arc->radius)); /* N / d */
-  const double square = 0.5 * sqrt(stiff / EI), along = 0.25 * H / EI;
-  wrap_end end = {.p = sqrt(square + along), .q = sqrt(bd_at_least(square - along, 1e-6 * square))};
-  end.touch = bd_at_most(sqrt(EI / H) - end.p / square, most);
+  wrap_end end = {.roots = bd_ale_roots_of(ale->bending, H, stiff)};
+  end.touch = bd_at_most(end.roots.touch, most);
   const int which = span == arc->before;
   const double lift = arc->side * arc->radius;
   end.begin = bd_at_most(
       bd_at_least(end.touch + lift * of->lifted[which], bd_at_most(end.touch, 0.0)), most);
   of->waves->rolled[which] = (end.begin - end.touch) / lift;
-  end.over = (1.0 + end.p * end.touch) / end.q;
+  end.over = (1.0 + end.roots.p * end.touch) / end.roots.q;
   end.x = (double)NAN;
-  end.apart = apart;
-  end.by[0] = exp(-end.p * apart) * cos(end.q * apart);
-  end.by[1] = exp(-end.p * apart) * sin(end.q * apart);
+  end.apart = end.roots.turns > 0.0 ? apart : (double)NAN;
+  bd_ale_fade(&end.roots, end.roots.turns > 0.0 ? apart : 0.0, &end.by[0], &end.by[1]);
   return end;
 }
 
@@ -451,9 +450,7 @@ INLINE void fade_to(wrap_end *end, double x) {
     end->co = co * end->by[0] - end->si * end->by[1];
     end->si = co * end->by[1] + end->si * end->by[0];
   } else if (x != end->x) {
-    const double fades = exp(-end->p * x);
-    end->co = fades * cos(end->q * x);
-    end->si = fades * sin(end->q * x);
+    bd_ale_fade(&end->roots, x, &end->co, &end->si);
   }
   end->x = x;
 }
@@ -461,12 +458,13 @@ INLINE void fade_to(wrap_end *end, double x) {
 /* What is carried more than H / R from x behind the touching point on, less, over that; and its
  * integral, both 0 far from there. Added to those of the other end. */
 INLINE void carry_end(wrap_end *end, double x, double sign, double *carried, double *sum) {
-  const double e = end->touch, p = end->p, q = end->q, B = end->over;
-  if (p * x < 50.0) {
+  if (bd_ale_slowest(&end->roots) * x < 50.0) {
+    const double p = end->roots.p, q = end->roots.q, turns = end->roots.turns;
+    const double e = end->touch, B = end->over;
     fade_to(end, x);
     const double co = end->co, si = end->si;
     *carried -= sign * (e * co + B * si);
-    *sum += (e * (p * co - q * si) + B * (p * si + q * co)) / (p * p + q * q);
+    *sum += (e * (p * co - turns * q * si) + B * (p * si + q * co)) / (p * p + turns * q * q);
   }
 }
 
@@ -529,11 +527,15 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
   const double apart = back ? -length : length;
   wrap_end ends[2] = {end_of(ale, arc, arc->before, 0.45 * whole, apart),
                       end_of(ale, arc, j, 0.45 * whole, -apart)};
-  cell_end next = cell_end_at(ends, whole, back ? whole : 0.0);
+  /* belt may touch a little before the wrap begins */
+  const double start = bd_at_most(ends[0].begin, 0.0);
+  const double stop = whole - bd_at_most(ends[1].begin, 0.0);
+  cell_end next = cell_end_at(ends, whole, back ? stop : start);
   for (int n = 0; n < arc->n; ++n) {
     const int k = back ? arc->n - 1 - n : n, slot = arc->begin + k;
     const cell_end near = next;
-    next = cell_end_at(ends, whole, (back ? k : k + 1) * length);
+    const double far = n + 1 < arc->n ? (back ? k : k + 1) * length : back ? start : stop;
+    next = cell_end_at(ends, whole, far);
     const cell_end a = back ? next : near, b = back ? near : next;
     const double part = b.s - a.s, mean = (b.sum - a.sum) / part;
     const int lies = part > LEAST * length;
@@ -547,12 +549,12 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
     ale->end_a[slot] = lies ? 2.0 * (mean - a.carried) / length : 0.0;
     ale->end_b[slot] = lies ? 2.0 * (b.carried - mean) / length : 0.0;
     const wrap_end *end = &ends[2 * k >= arc->n];
-    ale->roll[slot] = arc->side * arc->radius / bd_at_least(end->touch, 0.5 / end->p);
+    ale->roll[slot] = arc->side * arc->radius / bd_at_least(end->touch, 0.5 / end->roots.p);
   }
 }
 
 static void freeze(bd_ale *ale, const bd_ale_state *y) {
-  for (int j = 0; j < ale->np && ale->bending > 0.0; ++j) {
+  for (int j = 0; j < ale->np; ++j) {
     freeze_arc(ale, y, j);
   }
 }

@@ -19,7 +19,7 @@ struct bd_ale_system {
   int *entry;      /* of the ring's unknowns in the state vector */
   double *bends;   /* by mount, force of the belt by what the lever turns */
   double *inertia; /* of the belt on mounts (mounts, mounts) */
-  int shears;      /* of both ends of spans; 0 without bending */
+  int shears;      /* of both ends of spans */
   double *over;    /* the ring's solutions of their columns; factors of 1 - rows over, shears */
   double *by_over, *factors;
   int *pivots, solved; /* if these columns and those of bodies are */
@@ -79,7 +79,7 @@ static void carve(bd_carver *carver, bd_newton_system *system, const bd_model *m
     system->ale = own;
     own->kernels = model->kernels->ale;
     own->over = bd_newton_border(system, bd_count_bodies(lay));
-    own->shears = model->belt.bending_stiffness > 0.0 ? shears : 0;
+    own->shears = shears;
     place_unknowns(own, model);
   }
 }
@@ -208,7 +208,7 @@ static void solve(const bd_newton_system *system, const bd_layout *lay, int n, d
   } else {
     solve_columns(system, n, v);
   }
-  for (int k = 0; k < n && own->shears > 0; ++k) {
+  for (int k = 0; k < n; ++k) {
     add_shears(system, v + k * system->width);
   }
 }
