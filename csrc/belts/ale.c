@@ -186,7 +186,8 @@ static void sinks_at(const bd_ale *ale, double R, double *running, double *press
     depth[k] = bd_contact_depth(ale->quadratic, ale->linear, force / R);
     end[k] = bd_ale_roots_of(ale->bending, force, force / (R * depth[k]));
   }
-  const double step = FAR / (bd_ale_slowest(&end[1]) * STEPS), rolls = (end[2].touch - end[0].touch) * per;
+  const double step = FAR / (bd_ale_slowest(&end[1]) * STEPS),
+               rolls = (end[2].touch - end[0].touch) * per;
   const double everywhere = (depth[2] - depth[0]) * per;
   *running = 0.0;
   *pressed = -end[1].touch * everywhere * everywhere;
