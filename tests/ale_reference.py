@@ -34,8 +34,8 @@ class Axial:
     sink: Array  # d, arcs
     slid: Array  # w, nodes: v less V.t
     pressing: Array  # H of all cells
-    share: Array  # W at both ends of what lies of the cells on arcs (..., 2, N_arc)
-    held: Array  # what of W is the end's, cuts, s R/e of that (..., 3, 2, N_arc)
+    deep: Array  # D at both ends of what lies of the cells on arcs (..., 2, N_arc)
+    held: Array  # what of W is the end's, cuts, s R/e of that, D (..., 4, 2, N_arc)
     cuts: Array  # where these ends are, as fractions of the cell; twice 0 where nothing lies
     normal: Array  # N of both ends
     apart: Array  # w of a cell's last node less that of its first, in spans of v
@@ -290,7 +290,6 @@ class Ale(Mesh):
         end, cuts, roll = held[..., 0, :, :], held[..., 1, :, :], held[..., 2, 0, :]
         part = np.diff(cuts, axis=-2)
         lies = part > 0.0
-        share = np.where(lies, np.maximum(part + end, 0.0), 0.0)
         lifted = lifted - w.rolled
         first = 2.0 * self.fraction[arcs] < 1.0
         force = np.maximum(pressing_span, SLOPES[0] * self.h_0)
@@ -304,20 +303,20 @@ class Ale(Mesh):
         return Axial(
             length=length, stretch=stretch, at_node=at_node, elastic=elastic, tension=tension,
             flow=past / at_node, past=past, sink=sink, slid=slid, pressing=pressing,
-            share=share, held=held, cuts=cuts, normal=normal, apart=rate, drawn=drawn,
-            static=static, path=path, waves=w,
+            deep=np.where(lies, held[..., 3, :, :], 0.0), held=held, cuts=cuts, normal=normal,
+            apart=rate, drawn=drawn, static=static, path=path, waves=w,
         )  # fmt: skip
 
     def boundary(self, pressing: Array, wrap: Array, lifted: Array) -> tuple[Array, Array]:
         """What the end of a wrap has of W, what lies of a cell as fractions of it, at both ends of
-        what lies of the cells on arcs, and s R/e (..., 3, 2, N_arc), from H of the spans: the belt
-        touches from e on and what waves that lift it have rolled it by, an angle of both ends of
-        the spans (..., 2, n_p), given back. Load and its first moment are kept in each cell. [3]
+        what lies of the cells on arcs, s R/e, and D (..., 4, 2, N_arc), from H of the spans: the
+        belt touches from e on and what waves that lift it have rolled it by, an angle of both ends
+        of the spans (..., 2, n_p), given back. Load and its first moment are kept in a cell. [3]
         """
         of = self.arc_pulley
         if not self.boundary_layers:
             cuts = np.broadcast_to(np.array([[0.0], [1.0]]), (2, len(self.arcs)))
-            held = np.stack((np.zeros_like(cuts), cuts, np.zeros_like(cuts)))
+            held = np.stack((np.zeros_like(cuts), cuts, np.zeros_like(cuts), np.ones_like(cuts)))
             return np.broadcast_to(held, (*pressing.shape[:-1], *held.shape)), 0.0 * lifted
         on, roll = self.radii * wrap, self.s * self.radii
         whole = on[..., of]
@@ -331,14 +330,18 @@ class Ale(Mesh):
             e = np.minimum(reach, 0.45 * on)
             begin = np.clip(e + roll * angle, np.minimum(e, 0.0), 0.45 * on)
             rolled.append((begin - e) / roll)
-            ends.append([one[..., of] for one in (e, fast, slow, begin)])
+            # R / d by the integral of the square of its slope
+            one, two = fast**2 * (1.0 + slow * e), slow**2 * (1.0 + fast * e)
+            square = one**2 / (2.0 * fast) + two**2 / (2.0 * slow) - 2.0 * one * two / (fast + slow)
+            leans = (square / (fast - slow) ** 2).real * force / stiff
+            ends.append([one[..., of] for one in (e, fast, slow, begin, leans)])
         first, last = ends[0][3], whole - ends[1][3]
 
         def more(x: Array, end: list[Array]) -> tuple[Array, Array]:
             """What is carried more than H/R up to x behind the touching point, less what it is far
             from there, over H/R; and its integral.
             """
-            e, fast, slow, _ = end
+            e, fast, slow, *_ = end
             one = (1.0 + slow * e) / (fast - slow) * np.exp(-fast * x)
             two = -(1.0 + fast * e) / (fast - slow) * np.exp(-slow * x)
             return (one + two).real, -(one / fast + two / slow).real
@@ -363,7 +366,16 @@ class Ale(Mesh):
         reach = [np.maximum(one[0], 1.0 / (one[1] + one[2]).real) for one in ends]
         reach = np.where(2.0 * self.fraction[self.arcs] < 1.0, *reach)
         share = roll[of] / reach
-        held = np.stack((end, cuts, np.stack((share, share), axis=-2)), axis=-3)
+        size = np.where(lies, cuts[..., 1, :] - cuts[..., 0, :], 1.0)
+        deep = 1.0 + end / size[..., None, :]
+        for on_arc in self.on_arc.values():
+            count = np.cumsum(lies[..., on_arc], axis=-1)
+            for side, outer in enumerate((count == 1, count == count[..., -1:])):
+                outer = outer & lies[..., on_arc]
+                less = ends[side][4] / part / size
+                deep[..., side, on_arc] -= np.where(outer, less[..., on_arc], 0.0)
+        deep = np.maximum(deep, 0.0)
+        held = np.stack((end, cuts, np.stack((share, share), axis=-2), deep), axis=-3)
         rolled = np.stack((rolled[1], np.roll(rolled[0], -1, axis=-1)), axis=-2)
         return np.where(lies[..., None, None, :], held, 0.0), rolled
 
@@ -420,9 +432,8 @@ class Ale(Mesh):
         return force, slip, rate
 
     def places_rho(self, ax: Axial) -> Array:
-        """Radii on which the places of friction are (..., 2, N_arc): the depth goes as W."""
-        part = ax.cuts[..., 1, :] - ax.cuts[..., 0, :]
-        depth = ax.sink[..., None, :] * ax.share / np.where(part > 0.0, part, 1.0)[..., None, :]
+        """Radii on which the places of friction slip (..., 2, N_arc)."""
+        depth = ax.sink[..., None, :] * ax.deep
         return (self.radii + self.compensated)[self.arc_pulley] - depth
 
     def on_ends(self, ax: Axial, force: Array) -> Array:

@@ -211,16 +211,16 @@ def test_a_span_that_moves_has_the_frequencies_of_a_string() -> None:
 
 def test_belt_that_sinks_into_its_pulleys_is_pulled_by_their_rims() -> None:
     """Without bending, on a contact as soft as makes EA / c R^2 0.4, unloaded at 10 m/s: where it
-    runs on and off the rim is faster than a belt that is not yet, or no longer, down, so that wraps
-    pull at the spans. 480 masses rise by 1.76 N, 960 by 1.74; without what sinks in, by nothing.
-    The layer is 4 mm long and has two places of friction: a tenth.
+    runs on and off the rim is faster than a belt that is not yet, or no longer, down and slopes, so
+    that wraps pull at the spans. 480 masses rise by 6.74 N, 960 by 6.64; cells of 12.5 mm have 0.9
+    of that, of 1 mm 0.96; without what sinks in none rises, without its slope by 0.7 of that.
     """
     of_m = drives.with_belt(drives.scene_m().params, bending_stiffness=0.0)
     linear = of_m.belt.axial_stiffness / (0.4 * 0.1**2)
     damping = 0.5 * math.sqrt(linear * of_m.belt.linear_density)
     soft = attrs.evolve(
         of_m, contact=bd.Contact(linear=linear, damping=damping),
-        friction=bd.CreepRate(mu=1.0, v_critical=0.05),
+        friction=bd.Dahl(mu_k=1.0, sigma=1e4),
     )  # fmt: skip
     rises = []
     for params in (ale(soft, 42), drives.with_belt(soft, mesh="joint", n_bodies=480)):
@@ -230,8 +230,8 @@ def test_belt_that_sinks_into_its_pulleys_is_pulled_by_their_rims() -> None:
             t_eval=np.linspace(0.0, 0.1, 101), rtol=1e-4,
         )  # fmt: skip
         rises.append(float((found.span_tension[80:] - found.span_tension[0]).mean()))
-    assert rises[1] == pytest.approx(1.76, abs=0.05)
-    assert rises[0] == pytest.approx(rises[1], rel=0.1)
+    assert rises[1] == pytest.approx(6.74, abs=0.1)
+    assert rises[0] == pytest.approx(rises[1], rel=0.15)
 
 
 def thrown(params: bd.Params, speed: float, **moves: np.ndarray) -> Any:

@@ -173,8 +173,8 @@ static double depth_at(const bd_ale_roots *end, double depth, double in, double 
   return depth * (1.0 - co + over * si);
 }
 
-/* What contact dampers of one take at the end of a wrap, by Simpson's rule: of belt that runs on or
- * off there, over the speed squared, the integral of d'^2; as the force rises that of its rate
+/* What contact dampers of one take at the end of a wrap: of belt that runs on or off there, over
+ * the speed squared, the integral of d'^2; as the force rises, by Simpson's rule, that of its rate
  * squared, less what the arc's cells take. */
 static void sinks_at(const bd_ale *ale, double R, double *running, double *pressed) {
   enum { STEPS = 1000 };
@@ -189,7 +189,7 @@ static void sinks_at(const bd_ale *ale, double R, double *running, double *press
   const double step = FAR / (bd_ale_slowest(&end[1]) * STEPS),
                rolls = (end[2].touch - end[0].touch) * per;
   const double everywhere = (depth[2] - depth[0]) * per;
-  *running = 0.0;
+  *running = depth[1] * depth[1] * bd_ale_sloping(&end[1]);
   *pressed = -end[1].touch * everywhere * everywhere;
   for (int k = 0; k <= STEPS; ++k) {
     const double part = step / 3.0 * (k == 0 || k == STEPS ? 1.0 : k % 2 == 1 ? 4.0 : 2.0);
@@ -199,7 +199,6 @@ static void sinks_at(const bd_ale *ale, double R, double *running, double *press
                           depth_at(&end[0], depth[0], k * step, &unused)) *
                              per -
                          slope * rolls;
-    *running += part * slope * slope;
     *pressed += part * (rises * rises - everywhere * everywhere);
   }
 }
@@ -240,6 +239,7 @@ static void make_arc(bd_ale *ale, const bd_ale_drive *drive, int j, int begin) {
     ale->fraction[begin + k] = (double)k / arc->n;
     ale->is_cell[begin + k] = k < arc->n ? 1.0 : 0.0;
     ale->end_a[begin + k] = ale->end_b[begin + k] = ale->roll[begin + k] = 0.0;
+    ale->deep_a[begin + k] = ale->deep_b[begin + k] = 1.0;
     ale->cut_a[begin + k] = 0.0;
     ale->cut_b[begin + k] = 1.0;
     ale->lies[begin + k] = ale->is_cell[begin + k];

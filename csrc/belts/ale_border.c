@@ -18,7 +18,6 @@ void bd_ale_fill_torque(const filling *f, int j) {
   double own = 0.0, shear[2] = {0.0, 0.0}, before = 0.0;
   memset(row, 0, (size_t)f->newton->ring.unknowns * sizeof *row);
   for (int slot = arc->begin; slot < arc->begin + arc->n; ++slot) {
-    const double part = ale->cut_b[slot] - ale->cut_a[slot], per_part = 1.0 / part;
     double *const cell = row + cells[slot].at;
     row[nodes[slot].at] = torque[BD_ALE_V][slot] + before;
     before = torque[BD_ALE_V_AFTER][slot];
@@ -26,8 +25,7 @@ void bd_ale_fill_torque(const filling *f, int j) {
     own += torque[BD_ALE_RIM][slot];
     shear[2 * (slot - arc->begin) >= arc->n] += torque[BD_ALE_SHEAR][slot];
     for (int end = 0; end < 2; ++end) {
-      const double deep =
-          bd_at_least(part + (end == 0 ? ale->end_a : ale->end_b)[slot], 0.0) * per_part;
+      const double deep = (end == 0 ? ale->deep_a : ale->deep_b)[slot];
       const double rho = -arc->sense * (arc->radius + arc->raised - ale->sink[slot] * deep);
       for (int e = 0; e < arc->states; ++e) {
         cell[1 + end * arc->states + e] = rho * by->total_z[end][e * f->newton->stride + slot];

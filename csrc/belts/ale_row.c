@@ -134,8 +134,8 @@ static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   BD_CARVE(carver, to->inertia, model->lay.nm * model->lay.nm);
   BD_CARVE(carver, to->forces, 2 * model->lay.nm);
   /* W is that of the last step; states follow from how it changes */
-  double **const kept[] = {&to->ale.end_a, &to->ale.end_b, &to->ale.roll,
-                           &to->ale.cut_a, &to->ale.cut_b, &to->ale.lies};
+  double **const kept[] = {&to->ale.end_a, &to->ale.end_b, &to->ale.deep_a, &to->ale.deep_b,
+                           &to->ale.roll,  &to->ale.cut_a, &to->ale.cut_b,  &to->ale.lies};
   for (size_t k = 0; k < sizeof kept / sizeof *kept; ++k) {
     bd_keep(carver,
             (bd_kept){BD_KEPT_BEHIND, kept[k], (size_t)to->ale.slots * sizeof(double), 0, 0});

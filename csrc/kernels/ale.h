@@ -113,14 +113,15 @@ typedef struct bd_ale_span {
 
 /* A block of numbers by slot each. Fixed: of nodes the fraction of the wrap, 1 in cells of arcs,
  * else 0; in a step what W at both ends of what lies on the pulley of a cell has of the end of the
- * wrap, s R / e of that, these ends as fractions of it (0 and 1 if nothing does), 1 if something
- * lies there, else 0. Of nodes: t, Omega, V.n; w, c;
- * J, 1 / lambda; what moves them, 1 / their mass. Of cells: 1 / m, 1 / rho, d, lambda, T without
- * damping and with it, H, energy of bending less that of contact per metre, the shear by which the
- * end of the wrap loads it. Of both ends of cells friction, F (u' - u) along t and n, what both
- * lose as the path between them grows longer, and for that by their rates; after a rate the part of
- * that. */
-#define BD_ALE_FIXED(X) X(fraction) X(is_cell) X(end_a) X(end_b) X(roll) X(cut_a) X(cut_b) X(lies)
+ * wrap, and the depth there over the cell's; s R / e of the end, what lies as fractions of the cell
+ * (0 and 1 if nothing does), 1 if something lies there, else 0. Of nodes: t, Omega, V.n; w, c; J, 1
+ * / lambda; what moves them, 1 / their mass. Of cells: 1 / m, 1 / rho, d, lambda, T without damping
+ * and with it, H, energy of bending less that of contact per metre, the shear by which the end of
+ * the wrap loads it. Of both ends of cells friction, F (u' - u) along t and n, what both lose as
+ * the path between them grows longer, and for that by their rates; after a rate the part of that.
+ */
+#define BD_ALE_FIXED(X)                                                                            \
+  X(fraction) X(is_cell) X(end_a) X(end_b) X(deep_a) X(deep_b) X(roll) X(cut_a) X(cut_b) X(lies)
 #define BD_ALE_AT_NODES(X) X(tx) X(ty) X(turn) X(across) X(slid) X(past)
 #define BD_ALE_THROUGH_NODES(X) X(flow) X(per_stretch) X(total) X(per_mass)
 #define BD_ALE_OF_CELLS(X)                                                                         \
@@ -284,6 +285,14 @@ static inline bd_ale_roots bd_ale_roots_of(double EI, double H, double c) {
                         .q = sqrt(fmax(fabs(square - along), 1e-6 * square)),
                         .turns = square > along ? 1.0 : -1.0,
                         .touch = sqrt(EI / H) - p / square};
+}
+
+/* The integral of the square of the depth's slope, over the square of the depth. */
+static inline double bd_ale_sloping(const bd_ale_roots *roots) {
+  const double p = roots->p, q = roots->q, qq = roots->turns * q * q, e = roots->touch;
+  const double co = 2.0 * p + (p * p + qq) * e, si = (qq - p * p * (1.0 + p * e) - p * qq * e) / q;
+  return (co * co * (2.0 * p * p + qq) + 2.0 * co * si * p * q + si * si * q * q) /
+         (4.0 * p * (p * p + qq));
 }
 
 static inline double bd_ale_slowest(const bd_ale_roots *roots) {

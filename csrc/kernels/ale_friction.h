@@ -38,7 +38,7 @@ INLINE rubbing rub_at(const bd_ale *ale, const bd_ale_arc *arc, const lying *on,
   const vec none = splat(0.0), more = load((end == 0 ? ale->end_a : ale->end_b) + k);
   const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
   const vec from = load((end == 0 ? ale->cut_a : ale->cut_b) + k);
-  const vec deep = larger(on->part + more, none) * on->per_part;
+  const vec deep = load((end == 0 ? ale->deep_a : ale->deep_b) + k);
   const vec rho = splat(arc->radius + arc->raised) - load(ale->sink + k) * deep;
   const vec normal = larger(fma_(on->shear, more, on->pressed * on->part), none);
   const vec slip = fma_(from, there - here, here) - splat(arc->sense * arc->axis.omega) * rho;

@@ -420,6 +420,7 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
 typedef struct wrap_end {
   bd_ale_roots roots;
   double begin, touch, over; /* what goes with the sine */
+  double leans;              /* R / d times the integral of the square of its slope */
   double x, co, si;          /* the last of these, */
   double apart, by[2];       /* and what leads from it to the end of the next cell, so far on */
 } wrap_end;
@@ -438,6 +439,7 @@ INLINE wrap_end end_of(const bd_ale *ale, const bd_ale_arc *arc, int span, doubl
       bd_at_least(end.touch + lift * of->lifted[which], bd_at_most(end.touch, 0.0)), most);
   of->waves->rolled[which] = (end.begin - end.touch) / lift;
   end.over = (1.0 + end.roots.p * end.touch) / end.roots.q;
+  end.leans = H / stiff * bd_ale_sloping(&end.roots);
   end.x = (double)NAN;
   end.apart = end.roots.turns > 0.0 ? apart : (double)NAN;
   bd_ale_fade(&end.roots, end.roots.turns > 0.0 ? apart : 0.0, &end.by[0], &end.by[1]);
@@ -517,6 +519,25 @@ INLINE void lay_cell(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_stat
   }
 }
 
+/* Belt that sinks in goes along the rim by the cosine of its slope only: the first place of
+ * friction that lies, and the last, slip by that, as if they were less deep. No depth is negative.
+ */
+INLINE void lean_ends(bd_ale *ale, const bd_ale_arc *arc, const wrap_end ends[2], double length) {
+  int first = arc->begin, last = arc->begin + arc->n - 1;
+  while (first < last && !(ale->lies[first] > 0.0)) {
+    ++first;
+  }
+  while (last > first && !(ale->lies[last] > 0.0)) {
+    --last;
+  }
+  ale->deep_a[first] -= ends[0].leans / (length * (ale->cut_b[first] - ale->cut_a[first]));
+  ale->deep_b[last] -= ends[1].leans / (length * (ale->cut_b[last] - ale->cut_a[last]));
+  for (int k = arc->begin; k < arc->begin + arc->n; ++k) {
+    ale->deep_a[k] = bd_at_least(ale->deep_a[k], 0.0);
+    ale->deep_b[k] = bd_at_least(ale->deep_b[k], 0.0);
+  }
+}
+
 /* What lies of an arc's cells, W at its ends, by what is carried up to there and its mean between,
  * and states; cells in the direction of the flow. */
 INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
@@ -548,9 +569,12 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
     ale->cut_b[slot] = lies ? to : 1.0;
     ale->end_a[slot] = lies ? 2.0 * (mean - a.carried) / length : 0.0;
     ale->end_b[slot] = lies ? 2.0 * (b.carried - mean) / length : 0.0;
+    ale->deep_a[slot] = lies ? 1.0 + ale->end_a[slot] / (to - from) : 1.0;
+    ale->deep_b[slot] = lies ? 1.0 + ale->end_b[slot] / (to - from) : 1.0;
     const wrap_end *end = &ends[2 * k >= arc->n];
     ale->roll[slot] = arc->side * arc->radius / bd_at_least(end->touch, 0.5 / end->roots.p);
   }
+  lean_ends(ale, arc, ends, length);
 }
 
 static void freeze(bd_ale *ale, const bd_ale_state *y) {

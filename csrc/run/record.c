@@ -15,7 +15,7 @@
 
 #include "run/run.h"
 
-enum { FORMAT = 5 };
+enum { FORMAT = 6 };
 
 typedef struct head {
   char magic[8];
