@@ -74,6 +74,7 @@ def test_misspelt_arguments_are_answered_with_one_that_there_is() -> None:
     """Of functions and methods; signatures and pickles are those of the function itself."""
     result = bd.simulate(*bd.scenes.kubas_case_1()[:2], 1e-4)
     for call, message in (
+        (lambda: result.report(ful=True), r"write report\(\)\.text\(full=True\)$"),
         (lambda: bd.simulate(tend=1.0), r"simulate\(\) got .* 'tend' \(did you mean 't_end'\?\)"),
         (lambda: bd.settle(params=None, frict=True), r"'frict' \(did you mean 'friction'\?\)"),
         (lambda: bd.identify(fre=1), r"identify\(\) got .* 'fre' \(did you mean 'free'\?\)"),

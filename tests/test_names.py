@@ -293,7 +293,7 @@ def test_legends(runs: tuple[bd.Result, bd.Result]) -> None:
     assert legend(bd.plot.span_tensions(result)) == SPANS
     some = attrs.evolve(result, params=named(result.params, ("crank", None, None)))
     assert legend(bd.plot.speeds(some)) == ["crank", "pulley 1", "pulley 2"]
-    spans = ["crank to pulley 1", "span 1 to 2", "pulley 2 to crank"]
+    spans = ["crank to pulley 1", "pulley 1 to pulley 2", "pulley 2 to crank"]
     assert legend(bd.plot.span_tensions(some)) == spans
     assert legend(bd.plot.speeds(some, pulleys=["pulley 2"])) == ["pulley 2"]
     odd = attrs.evolve(result, params=named(result.params, (r"$\foo$", "_idler", "50 $")))
@@ -517,5 +517,5 @@ def test_warnings_use_names(code: str, provoke: Callable[[Dress], Any]) -> None:
         assert other.text == with_names(one.text)
         assert code == "units" or other.text != one.text  # of percent only the place has a name
         k = int(one.where[-1])
-        span = f"span {NAMES[k]} to {NAMES[1 - k]}"
+        span = f"span {NAMES[1 - k]} to {NAMES[k]}"
         assert other.where == (span if code == "slack_span" else with_names(one.where)) != one.where

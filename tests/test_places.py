@@ -22,6 +22,7 @@ from beltdyn.outputs import places
 
 pytestmark = pytest.mark.filterwarnings("ignore::beltdyn.BeltdynWarning")
 
+SPANS = ("pulley 0 to pulley 1", "pulley 1 to pulley 2", "pulley 2 to pulley 0")
 STILL = bd.Viscous([0.0, 0.0, 0.0])
 LAYOUTS: dict[str, Any] = {
     "idler": lambda: drives.idler_scene().params,
@@ -84,7 +85,7 @@ def test_places_know_their_position() -> None:
         arrived = np.hypot(*(points[on][0] - line.arrive[k]))
         step = line.length / params.belt.n_bodies
         assert arrived == pytest.approx(found.s[on][0] - begin, abs=0.1 * step + inside)
-    assert set(found.part) == {*params.pulley_names, "span 0 to 1", "span 1 to 2", "span 2 to 0"}
+    assert set(found.part) == {*params.pulley_names, *SPANS}
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +97,7 @@ def loaded() -> bd.Result:
 def test_a_place_sees_other_links_pass(loaded: bd.Result) -> None:
     """The tension of a span at a place in it is that of the span, whichever joints are there."""
     found = loaded.along_belt()
-    for k, name in enumerate(("span 0 to 1", "span 1 to 2", "span 2 to 0")):
+    for k, name in enumerate(SPANS):
         on = np.flatnonzero(found.part == name)
         middle = found.values[:, on[len(on) // 2]]
         assert np.ptp(middle) > 10.0, "the load comes"
@@ -115,7 +116,7 @@ def test_a_belt_without_bending_has_places(group: str) -> None:
     result, line = at_rest(params), params.route
     found = result.along_belt(group)
     assert found.values.shape == (2, found.s.size) and np.isfinite(found.values).all()
-    assert set(found.part) == {*params.pulley_names, "span 0 to 1", "span 1 to 2", "span 2 to 0"}
+    assert set(found.part) == {*params.pulley_names, *SPANS}
     if group == "joints.force":
         at = found.values[-1]
         assert result.joints.force.min() <= at.min() and at.max() <= result.joints.force.max()
@@ -124,7 +125,7 @@ def test_a_belt_without_bending_has_places(group: str) -> None:
         pressed = np.isin(found.part, params.pulley_names)
         assert found.values[-1][pressed].mean() > 10.0 * abs(found.values[-1][~pressed]).mean()
     else:
-        middle = found.s[np.flatnonzero(found.part == "span 0 to 1")]
+        middle = found.s[np.flatnonzero(found.part == SPANS[0])]
         x = np.interp(middle, found.s, found.values[-1])
         (x0, _), (x1, _) = line.leave[0], line.arrive[1]
         assert x.min() > min(x0, x1) - 1e-3 and x.max() < max(x0, x1) + 1e-3

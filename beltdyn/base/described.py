@@ -24,6 +24,8 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 #: For ``attrs.inspect`` and for classes that are made of this one and set attributes; not
 #: ``__attrs_attrs__``, which ``attrs.fields`` reads.
 _NOTES = ("__attrs_props__", "__attrs_own_setattr__")
+#: What belongs to another call: by the function that it is given, and how that call is written.
+_ELSEWHERE = {"Result.report": {"full": "report().text(full=True)"}}
 _FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
 
 
@@ -90,6 +92,10 @@ def _misfit(
         if name not in known and cls:
             return f"{cls}.{name}: {unknown_field(name, known)}"
         if name not in known:
+            elsewhere = _ELSEWHERE.get(function.__qualname__, {})
+            calls = [call for other, call in elsewhere.items() if close_to(name, (other,))]
+            if calls:
+                return f"{function.__qualname__}() has no {name!r}: write {calls[0]}"
             hint = close_to(name, known) or f"; it takes {', '.join(known) or 'none'}"
             return f"{function.__qualname__}() got an unexpected keyword argument {name!r}{hint}"
     most = sum(one.kind is one.POSITIONAL_OR_KEYWORD for one in takes.values()) - 1

@@ -113,17 +113,9 @@ def labels(one: int, other: int, names: Sequence[str]) -> str:
     return f"pulleys {one} and {other}"
 
 
-def span_name(span: int, names: Sequence[str], unnamed: str) -> str:
-    """Return the name of a span: "crank to pulley 3", or ``unnamed``, "{} to {}", without names."""
-    after = (span + 1) % len(names)
-    if _is_named(span, names) or _is_named(after, names):
-        return f"{names[span]} to {names[after]}"
-    return unnamed.format(span, after)
-
-
-def span_names(names: Sequence[str], unnamed: str = "pulley {} to pulley {}") -> list[str]:
-    """Return the names of all spans."""
-    return [span_name(span, names, unnamed) for span in range(len(names))]
+def span_names(names: Sequence[str]) -> list[str]:
+    """Return the names of all spans, "crank to pulley 3"."""
+    return [f"{name} to {names[(k + 1) % len(names)]}" for k, name in enumerate(names)]
 
 
 def with_names(values: Iterable[str], names: Iterable[str]) -> str:

@@ -33,8 +33,8 @@ class AlongBelt:
         s: Places along the belt line (n_s,) [m], from where it leaves pulley 0.
         values: Values there, interpolated linearly between the two joints or links next to each
             place (n_t, n_s).
-        part: Part of the line that each place is on: the name of a pulley, of a span "crank to
-            idler", or "span 0 to 1" between pulleys without names (n_s,).
+        part: Part of the line that each place is on: the name of a pulley, of a span, "crank to
+            idler" (n_s,).
         wraps: Where the line arrives at each pulley and leaves it (n_p, 2) [m]; that of pulley 0 is
             the last.
         length: Length of the line [m].
@@ -161,7 +161,7 @@ def along(
 def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: Array) -> AlongBelt:
     """Return the history with the names of the parts of the line."""
     names = params.pulley_names
-    spans = span_names(names, "span {} to {}")
+    spans = span_names(names)
     texts = np.array([text for pair in zip(spans, names, strict=True) for text in pair])
     part, length = texts[_part_of(s, wraps)], params.route.length
     return AlongBelt(name=name, t=t, s=s, values=values, part=part, wraps=wraps, length=length)

@@ -83,7 +83,7 @@ def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axe
     Raises:
         TypeError, ValueError: An argument breaks its rule.
     """
-    names = span_names(result.pulleys.names, "span {} to {}")
+    names = span_names(result.pulleys.names)
     columns = [(k, k, style.plain(name)) for k, name in enumerate(names)]
     return over_time(result, SPANS, columns, ax, line)
 

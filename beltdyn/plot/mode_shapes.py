@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
 from ..base.checks import Array, integer, positive
-from ..base.naming import span_name
+from ..base.naming import span_names
 from ..base.rounding import percent
 from ..outputs.quantity import QUANTITIES, SPANS
 from ..outputs.spans import lines_of_cells
@@ -219,10 +219,8 @@ def frequency_response(
     if output == "travel":
         names = [params.pulley_names[k] for k in params.mounted]
     else:
-        names = [
-            span_name(k, params.pulley_names, "span {}") if output == "span_tension" else name
-            for k, name in enumerate(params.pulley_names)
-        ]
+        pulleys = list(params.pulley_names)
+        names = span_names(pulleys) if output == "span_tension" else pulleys
         chosen = chosen if which is None else pulley_indices(which, params.pulley_names)
     if axes is None:
         figure = style.new_figure(6.4, 5.0)

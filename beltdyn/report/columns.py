@@ -11,10 +11,8 @@ from ..base.tables import Table
 from ..drive.mounts import KINDS
 from . import digits
 from .digits import NONE, between, fixed, largest, number, or_nan, placed, within
-from .rows import Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
+from .rows import SCALES, Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
-#: Factors of units that are printed in place of those of the rows.
-_SCALES = {"1/min": 30.0 / math.pi, "deg": 180.0 / math.pi, "mm": 1e3, "%": 100.0}
 #: Speeds below this are rounding [rad/s], and powers below that much of the largest.
 STILL, _NOTHING = 1e-6, 1e-9
 #: Part of the largest power that is as good as none: half a place of 100.00 %.
@@ -66,7 +64,7 @@ def made(report: ReportData, layout: Layout) -> Table:
             bare = unit == "1" or f"{{{key}}}" in title
             heading.append(words if bare else f"{words} {unit}".strip())
         title = title.replace(f"{{{key}}}", unit)
-        scale = _SCALES.get(unit, 1.0)
+        scale = SCALES.get(unit, 1.0)
         texts.append([_cell(cells(report, row, scale), end) for row in rows])
     remarks = tuple(layout.remarks(report)) if rows else ()
     return Table(title, tuple(heading), list(zip(*texts, strict=True)), remarks)
@@ -187,7 +185,7 @@ def _slip_arc(field: str) -> _Cells:
         if row.slip_arc is None or row.slip_error is None:
             return NONE
         decimals = 0 if math.degrees(row.slip_error) >= 1.0 else 1
-        return fixed(getattr(row, field), _SCALES["deg"], decimals)
+        return fixed(getattr(row, field), SCALES["deg"], decimals)
 
     return cells
 

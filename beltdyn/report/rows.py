@@ -19,6 +19,9 @@ RESIDUAL = "not accounted for (residual)"
 #: Margins that differ by less, to which they are found, are one: on two pulleys they always are.
 TOGETHER = 1e-6
 
+#: Factors of units that are printed in place of those of the rows.
+SCALES = {"1/min": 30.0 / math.pi, "deg": 180.0 / math.pi, "mm": 1e3, "%": 100.0}
+
 _Row = TypeVar("_Row")
 
 

@@ -21,7 +21,7 @@ from ..outputs.averages import integral, mean_over, time_weights
 from ..outputs.sampled import Sampled
 from ..outputs.selection import named
 from ..outputs.spans import mid_span
-from .rows import Spread
+from .rows import SCALES, Spread
 from .touching import NEEDED, Touching, touching
 
 #: The outputs that arcs are found from.
@@ -278,10 +278,10 @@ class Window:
 
         if self.run._has("pulleys.omega"):
             omega, radii = self.of(self.run.pulleys.omega), self.params._radii
-            scale = float(np.max(np.abs(omega) * radii))
+            scale, turns = float(np.max(np.abs(omega) * radii)), SCALES["1/min"]
             least = float(self.params.info["drag_speed"])  # what errors of speeds leave
-            for name, samples, radius in zip(names, omega.T, radii, strict=True):
-                look(samples, f"speed of {name}", "rad/s", scale / radius, least / radius)
+            for name, samples, radius in zip(names, omega.T * turns, radii / turns, strict=True):
+                look(samples, f"speed of {name}", "1/min", scale / radius, least / radius)
         spans, between = self.spans, span_names(names)
         if spans is not None and spans.shape[1] > 1:
             scale = float(np.nanmean(np.abs(spans))) if not np.isnan(spans).all() else 0.0

@@ -306,8 +306,7 @@ class Result(Sampled):
             verbose: Whether to add what the integrator did.
         """
         names = self.params.pulley_names
-        spans = span_names(names, "")
-        named = any(spans)
+        spans, named = span_names(names), any(one.name for one in self.params.pulleys)
 
         from ..report import creep_of, speed_errors  # which no run needs
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.checks import Array
-from ..base.naming import span_name
+from ..base.naming import span_names
 from ..base.rounding import rounded
 from ..base.run_warnings import RunWarning
 from ..drive import cells, sanity
@@ -186,7 +186,7 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
             "how a slack span becomes tight again may depend on very small differences, so "
             "the error is unknown",
             t=first,
-            where=f"span {span_name(k, params.pulley_names, '{}')}",
+            where=f"span {span_names(params.pulley_names)[k]}",
             accuracy=True,
         )
 
@@ -200,7 +200,7 @@ def _near_limits(result: Result) -> Iterator[RunWarning]:
     flow = result.belt.flow if has("belt.flow") else None
     deflection = result.spans.deflection if has("spans.deflection") else None
     for code, text, row, k in cells.seen(params, tension, flow, deflection):
-        name = span_name(k, params.pulley_names, "{}")
+        name = span_names(params.pulley_names)[k]
         yield RunWarning(
             code=code,
             text=f'span {name} {text}; Belt(mesh="joint") describes it',

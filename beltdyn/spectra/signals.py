@@ -96,7 +96,7 @@ def _columns(result: Result, dimension: str) -> list[str]:
     if dimension == "belt":
         return ["the belt"]
     if dimension == "span":
-        return [f"span {name}" for name in span_names(result.params.pulley_names, "{} to {}")]
+        return [f"span {name}" for name in span_names(result.params.pulley_names)]
     found = places(result.params)[dimension]
     return [f"{dimension} {k}" if isinstance(k, int) else k for k in found]
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.checks import Array
-from ..base.naming import span_name
+from ..base.naming import span_names
 from ..drive.mounts import KINDS
 from ..drive.params import Params
 from ..result.labelled import mount_kinds
@@ -142,8 +142,7 @@ def _name(linear: Linear, vector: Complex, shares: Participation, k: int) -> str
     parts: list[tuple[float, str]] = [(float(shares.belt[k]), "belt along itself")]
     for span, share in enumerate(shares.spans[k]):
         if share > SECOND / len(params.pulleys):
-            name = span_name(span, params.pulley_names, "span {}")
-            name = name if name.startswith("span") else f"span {name}"
+            name = f"span {span_names(params.pulley_names)[span]}"
             parts.append((float(share), f"{name}, {_order(linear, vector, span)} lateral"))
     parts.append((float(shares.pulleys[k].sum()), _rotation(params, linear, vector, shares, k)))
     for m, share in enumerate(shares.mounts[k]):
