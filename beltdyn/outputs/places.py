@@ -60,14 +60,15 @@ def routes(params: Params, travel: Array | None) -> tuple[list[Route], Array]:
     return [route_at(params.pulleys, one) for one in centers], centers
 
 
+def line_edges(line: Route, radii: Array) -> Array:
+    """Return where the parts of the line begin, span 0, wrap of pulley 1, ..., and its end [m]."""
+    parts = np.column_stack([line.spans, np.roll(radii * line.wraps, -1)])
+    return np.append(0.0, np.cumsum(parts))
+
+
 def line_parts(line: Route, radii: Array) -> Array:
     """Return where each wrap begins and ends along the line (n_p, 2) [m]; pulley 0 comes last."""
-    arcs = radii * line.wraps
-    order = np.roll(np.arange(radii.size), -1)  # span 0, wrap of pulley 1, span 1, ...
-    ends = np.cumsum(line.spans + arcs[order])
-    found = np.empty((radii.size, 2))
-    found[order] = np.column_stack([ends - arcs[order], ends])
-    return found
+    return np.roll(line_edges(line, radii)[1:].reshape(-1, 2), 1, axis=0)
 
 
 def where(params: Params, points: Array, lines: list[Route], centers: Array) -> Array:
@@ -78,28 +79,28 @@ def where(params: Params, points: Array, lines: list[Route], centers: Array) -> 
     """
     radii = params._radii
     length = np.array([line.length for line in lines])[:, None]
-    wraps = np.array([line_parts(line, radii) for line in lines])
+    edges = np.array([line_edges(line, radii) for line in lines])
     leave, senses = np.array([line.leave for line in lines]), lines[0].senses
     arrive = np.array([line.arrive for line in lines])
     places, apart = [], []
     for k in range(radii.size):
         after = (k + 1) % radii.size
-        begin = np.where(k == 0, 0.0, wraps[:, k, 1])[:, None]
         # the span that follows pulley k
         way = arrive[:, after] - leave[:, k]
         span = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-300)[:, None]
         along = way[:, None] / span[..., None]
         off = points - leave[:, k, None]
         at = np.clip((off * along).sum(axis=-1), 0.0, span)
-        places.append(begin + at)
+        places.append(edges[:, 2 * k, None] + at)
         apart.append(np.hypot(*np.moveaxis(off - at[..., None] * along, -1, 0)))
-        # the wrap of pulley k, from its middle
-        off = points - centers[:, k, None]
-        half = 0.5 * (wraps[:, k, 1] - wraps[:, k, 0])[:, None] / radii[k]
-        middle = _turned((arrive[:, k] - centers[:, k])[:, None], senses[k] * half)
-        angle = np.clip(senses[k] * turns(middle, off), -half, half)
-        places.append(wraps[:, k, :1] + radii[k] * (angle + half))
-        on_rim = _turned(middle, senses[k] * angle)
+        # the wrap of the next pulley, from its middle
+        off = points - centers[:, after, None]
+        arc, radius, sense = edges[:, 2 * k + 1 : 2 * k + 3], radii[after], senses[after]
+        half = 0.5 * np.diff(arc) / radius
+        middle = _turned((arrive[:, after] - centers[:, after])[:, None], sense * half)
+        angle = np.clip(sense * turns(middle, off), -half, half)
+        places.append(arc[:, :1] + radius * (angle + half))
+        on_rim = _turned(middle, sense * angle)
         apart.append(np.hypot(*np.moveaxis(off - on_rim, -1, 0)))
     place, distance = np.stack(places), np.stack(apart)
     # along the chords, from wherever most of the nearest projections agree
@@ -133,11 +134,9 @@ def along(
     places: Array | None,
 ) -> AlongBelt:
     """Interpolate a history of joints or links in places; see :meth:`beltdyn.Result.along_belt`."""
-    line, n_b, radii = params.route, params.n_bodies, params._radii
-    wraps = line_parts(line, radii)
-    evenly = np.asarray((np.arange(n_b) + 0.5) * (line.length / n_b), dtype=np.float64)
-    s = evenly if places is None else places
-    parts = _part_of(s, wraps)
+    n_b, radii = params.n_bodies, params._radii
+    edges = line_edges(params.route, radii)
+    s = (np.arange(n_b) + 0.5) * (edges[-1] / n_b) if places is None else places
     lines, centers = routes(params, travel)
     found = np.empty((t.size, s.size))
     size = max(1, _BLOCK // (2 * radii.size * n_b))
@@ -153,29 +152,36 @@ def along(
         at = where(params, points, lines[each], centers[each])
         for k in range(len(at)):
             now = lines[0 if len(lines) == 1 else begin + k]
-            asked = s if now is line else _moved(s, parts, wraps, line_parts(now, radii))
+            # where axes have moved, at the same share of its part
+            asked = s if now is params.route else np.interp(s, edges, line_edges(now, radii))
             found[begin + k] = np.interp(asked, at[k], values[begin + k], period=now.length)
-    return _told(params, name, t, s, found, wraps)
+    return _told(params, name, t, s, found)
 
 
-def _told(params: Params, name: str, t: Array, s: Array, values: Array, wraps: Array) -> AlongBelt:
+def _told(params: Params, name: str, t: Array, s: Array, values: Array) -> AlongBelt:
     """Return the history with the names of the parts of the line."""
-    names = params.pulley_names
-    spans = span_names(names)
-    texts = np.array([text for pair in zip(spans, names, strict=True) for text in pair])
-    part, length = texts[_part_of(s, wraps)], params.route.length
-    return AlongBelt(name=name, t=t, s=s, values=values, part=part, wraps=wraps, length=length)
+    names, radii, line = params.pulley_names, params._radii, params.route
+    pairs = zip(span_names(names), (*names[1:], names[0]), strict=True)
+    texts = np.array([text for pair in pairs for text in pair])
+    # the end of the line is the end of its last part
+    begun = np.searchsorted(line_edges(line, radii)[1:-1], s, side="right")
+    return AlongBelt(
+        name=name,
+        t=t,
+        s=s,
+        values=values,
+        part=texts[begun],
+        wraps=line_parts(line, radii),
+        length=line.length,
+    )
 
 
 def cell_places(params: Params) -> Array:
     """Return where along the line cells of an ALE belt begin, and the length of it [m]."""
-    wraps = line_parts(params.route, params._radii)
     cells = params._cells
-    begins = [0.0]
-    for k in np.roll(np.arange(len(wraps)), -1):  # span, wrap of pulley 1, span, ...
-        begin, end = wraps[k]
-        begins += np.linspace(begin, end, 1 + np.count_nonzero(cells == k)).tolist()
-    return np.array(begins)
+    first = np.flatnonzero(np.diff(cells, prepend=-2))  # of each part
+    edges = line_edges(params.route, params._radii)
+    return np.interp(np.arange(cells.size + 1), np.append(first, cells.size), edges)
 
 
 def along_cells(
@@ -194,32 +200,7 @@ def along_cells(
         order = np.argsort(at, kind="stable")
         at, columns = at[order], columns[order]
     found = np.array([np.interp(s, at, row[columns], period=edges[-1]) for row in values])
-    radii = params._radii
-    return _told(params, name, t, s, found.reshape(t.size, s.size), line_parts(params.route, radii))
-
-
-def _part_of(s: Array, wraps: Array) -> NDArray[np.intp]:
-    """Return the part of each place: 2 k, the span that follows pulley k; 2 k + 1, its wrap."""
-    n_p = len(wraps)
-    begun = np.searchsorted(np.roll(wraps, -1, axis=0).ravel(), s, side="right")
-    begun = np.minimum(begun, 2 * n_p - 1)  # the end of the line is the end of the last wrap
-    on_wrap = begun % 2
-    return np.asarray(2 * ((begun + on_wrap) // 2 % n_p) + on_wrap)
-
-
-def _moved(s: Array, parts: NDArray[np.intp], wraps: Array, now: Array) -> Array:
-    """Return the places on a line whose axes have moved: at the same share of their part."""
-
-    def edges(of: Array) -> tuple[Array, Array]:
-        begins = np.where(np.arange(len(of)) == 0, 0.0, of[:, 1])
-        spans = np.column_stack([begins, np.roll(of[:, 0], -1)])
-        both = np.stack([spans, of], axis=1).reshape(-1, 2)
-        return both[parts, 0], both[parts, 1]
-
-    begin, end = edges(wraps)
-    to, until = edges(now)
-    share = (s - begin) / np.where(end > begin, end - begin, 1.0)
-    return np.asarray(to + share * (until - to))
+    return _told(params, name, t, s, found.reshape(t.size, s.size))
 
 
 def follow(
@@ -255,7 +236,14 @@ def momentum_flux(
     """
     tension = np.where(np.isnan(spans), force.mean(axis=1)[:, None], spans)
     pull = Span(params.belt, tension, flow[:, None]).centrifugal
-    lines, _ = routes(params, travel)
+    return force_on_pulleys(routes(params, travel)[0], pull)
+
+
+def force_on_pulleys(lines: list[Route], pull: Array) -> Array:
+    """Return the force on each pulley (n_t, n_p, 2) of spans that pull along themselves (n_t, n_p).
+
+    Lines are those at the samples, or one.
+    """
     way = np.array([line._ways for line in lines])
     length = np.hypot(way[..., 0], way[..., 1])[..., None]
     one_way = pull[..., None] * np.divide(way, length, out=np.zeros_like(way), where=length > 0.0)

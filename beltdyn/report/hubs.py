@@ -10,7 +10,7 @@ import numpy as np
 from ..base.checks import Array
 from ..drive.span import Span
 from ..outputs.orders import belt_turning
-from ..outputs.places import routes
+from ..outputs.places import force_on_pulleys, routes
 from .window import Window
 
 #: Share of the tension at rest: a force below it is rounding, and has no direction.
@@ -30,17 +30,15 @@ def hub_statics(window: Window) -> Array | None:
     if tension is None or turning is None or len(params.pulleys) == 1 or window.lost_mounts:
         return None
     lines, _ = routes(params, window.travels)
-    way = np.array([one._ways for one in lines])
-    spans = np.array([one.spans for one in lines])
     span = Span(params.belt, tension, turning[:, None] * float(params.info["length"]))
-    pull = span.pull[..., None] * (way / spans[..., None])
-    load = pull - np.roll(pull, 1, axis=1)
+    load = force_on_pulleys(lines, span.pull)
     if np.any(params.gravity):
         arcs = np.array([one.wraps for one in lines]) * params._radii
-        half, density = 0.5 * spans, params.belt.linear_density
+        half = 0.5 * np.array([one.spans for one in lines])
+        density = params.belt.linear_density
         mass = density * (half + np.roll(half, 1, axis=1) + arcs) / np.nanmean(span.stretch)
         load = load + mass[..., None] * np.array(params.gravity)
-    return np.asarray(load)
+    return load
 
 
 def hub_load(window: Window, statics: Array | None, k: int) -> dict[str, Any]:

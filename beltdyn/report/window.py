@@ -21,6 +21,7 @@ from ..outputs.averages import integral, mean_over, time_weights
 from ..outputs.sampled import Sampled
 from ..outputs.selection import named
 from ..outputs.spans import mid_span
+from .digits import number
 from .rows import SCALES, Spread
 from .touching import NEEDED, Touching, touching
 
@@ -273,8 +274,8 @@ class Window:
             before, after = (float(mean_over(weights, samples)) for weights in halves)
             change = abs(after - before)
             if change > max(STEADY * scale, least) > 0.0:
-                text = f"the mean {name} goes from {before:.3g} to {after:.3g} {unit}{_HALVES}"
-                found.append((change / scale, text))
+                ends = f"{number(before, 3)} to {number(after, 3)} {unit}"
+                found.append((change / scale, f"the mean {name} goes from {ends}{_HALVES}"))
 
         if self.run._has("pulleys.omega"):
             omega, radii = self.of(self.run.pulleys.omega), self.params._radii
