@@ -175,14 +175,14 @@
   X(SLIP, slip, SLOTS, NONE, "m", "slip displacement since contact began")                         \
   X(THETA, theta, PULLEYS, TURN, "rad", "rotation angle of the pulley")                            \
   X(OMEGA, omega, PULLEYS, SPIN, "rad/s", "angular velocity of the pulley")                        \
-  X(TRAVEL, travel, MOUNTS, TURN, "rad or m", "of a mount, q; of a path the time [s]")             \
+  X(TRAVEL, travel, MOUNTS, TURN, "rad or m", "of a mount from its place, q; of a path the time")  \
   X(TRAVEL_SPEED, travel_speed, MOUNTS, SPIN, "rad/s or m/s", "rate of the travel")                \
   X(MOUNT_FRICTION, mount_friction, MOUNTS, GRIP, "1", "share of a mount's friction that acts")    \
-  X(RIM_ANGLE, rim_angle, COUPLINGS, TURN, "rad", "of a coupled rim, or a damper's ring")          \
-  X(RIM_SPEED, rim_speed, COUPLINGS, SPIN, "rad/s", "of a coupled rim, or a damper's ring")        \
-  X(WINDUP, windup, COUPLINGS, WINDUP, "rad", "of a coupling, z")                                  \
-  X(A, a, MODES, NONE, "m", "of the spans' sine modes")                                            \
-  X(P, p, MODES, NONE, "m/s", "of their velocities, those of the axes included")
+  X(RIM_ANGLE, rim_angle, COUPLINGS, TURN, "rad", "angle of a coupled rim, or a damper's ring")    \
+  X(RIM_SPEED, rim_speed, COUPLINGS, SPIN, "rad/s", "speed of a coupled rim, or a damper's ring")  \
+  X(WINDUP, windup, COUPLINGS, WINDUP, "rad", "of a coupling, rim against hub, z")                 \
+  X(A, a, MODES, NONE, "m", "amplitudes of the spans' sine modes, span after span")                \
+  X(P, p, MODES, NONE, "m/s", "of their velocities, with those of the axes")
 
 /* What a model knows of itself: X(type, name, text). */
 #define BD_INFO(X)                                                                                 \

@@ -13,6 +13,7 @@ import numpy as np
 from .. import _core
 from ..base import npz
 from ..base.checks import Array, real, real_array
+from ..base.described import ruled
 from ..base.naming import ByPulley, by_index, key, labels
 from ..drive.couplings import OverrunningClutch
 from ..drive.params import Params
@@ -22,47 +23,29 @@ from .spans import span_tension
 #: it runs and creep make of them, and less than slip.
 RIMS = 0.01
 
-SIZES: dict[str, str] = {row[0]: row[1] for row in _core.STATE_FIELDS}
+TABLE = _core.STATE_FIELDS
+SIZES: dict[str, str] = {row[0]: row[1] for row in TABLE}
 #: Those that can have several rows, each of all links.
 ROWS = ("STATES", "SLOTS")
 #: Which array of a size says how many values there are.
-_FIRST = {size: name for name, size in reversed(SIZES.items())} | {
-    "SLOTS": "x",
-    "STATES": "n_bodies",
-}
+_FIRST = {size: name for name, size in reversed(SIZES.items())} | dict.fromkeys(ROWS, "x")
+_RESIDUAL = "after settling, the largest unbalanced force over the mean tension; else None."
 #: Those that only some drives have.
 PARTS = tuple(size for size in _FIRST if size not in ("PULLEYS", *ROWS))
 
 
 def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-    """Set the converter of every field, and check arrays against the size of x or theta."""
+    """Set how every field is read and compared."""
 
-    def array(name: str) -> dict[str, Any]:
-        like, most = _FIRST[SIZES[name]], 2 if SIZES[name] in ROWS else 1
+    def reads(name: str) -> Any:
+        if name in SIZES:
+            most = 2 if SIZES[name] in ROWS else 1
+            return partial(real_array, f"State.{name}", ndim=1, most=most)
+        number = partial(real, f"State.{name}")
+        return attrs.converters.optional(number) if name == "residual" else number
 
-        def same_size(state: State, _field: attrs.Attribute[Array], value: Array) -> None:
-            expected = (state.n_bodies,) if like == "n_bodies" else getattr(state, like).shape
-            if value.shape[-1:] != expected:
-                raise ValueError(
-                    f"State.{name} must have shape {expected} like "
-                    f"{like.replace('n_bodies', 'x')}, got {value.shape}"
-                )
-
-        return {
-            "converter": partial(real_array, f"State.{name}", ndim=1, most=most),
-            "validator": same_size,
-            "eq_key": attrs.cmp_using(eq=np.array_equal),
-        }
-
-    numbers: dict[str, Any] = {
-        "t": partial(real, "State.t"),
-        "residual": attrs.converters.optional(partial(real, "State.residual")),
-    }
-    return [
-        field.evolve(**(array(name) if name in SIZES else {"converter": numbers[name]}))
-        for field in fields
-        for name in [field.name]
-    ]
+    same = attrs.cmp_using(eq=np.array_equal)
+    return [field.evolve(converter=reads(field.name), eq_key=same) for field in fields]
 
 
 def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
@@ -119,52 +102,35 @@ class Tensions:
         return f"mean tension {self.mean:.5g} N; spans {spans} N"
 
 
+def _described(cls: type[State]) -> type[State]:
+    """Append what the core's table says of each field to the docstring."""
+    count = {"PULLEYS": "n_p", "MOUNTS": "n_m", "COUPLINGS": "n_c", "MODES": "n_p n"}
+    ruled(
+        cls,
+        {name: f"{text} ({count.get(of, 'n_b')},) [{unit}]." for name, of, unit, text in TABLE}
+        | {"t": "time [s].", "residual": _RESIDUAL},
+    )
+    return cls
+
+
+@_described
 @attrs.frozen(kw_only=True, repr=False, field_transformer=_checked)
 class State:
     """Positions, velocities and friction of every link, angle and speed of every pulley.
 
     Arrays are copies that cannot be changed. Everything but positions and angles is zero if not
-    given.
+    given; of what a drive does not have arrays are empty: ``x`` to ``vphi`` are of links, ``m``,
+    ``v``, ``a`` and ``p`` of the cells and spans of an ALE belt (``Belt(mesh="ale")``), in the
+    order of the belt: the span behind pulley 0, the arc of pulley 1, and so on. Across joint 0,
+    between the last link and the first, ``phi`` differs by a whole turn (MODEL section 1).
 
-    Attributes:
-        x: Mass centres of the links (n_b,) [m].
-        y: The same.
-        phi: Angles of the links (n_b,) [rad], continuous; only across joint 0, between the last
-            link and the first, they differ by a whole turn (MODEL section 1).
-        vx: Velocities of the mass centres (n_b,) [m/s].
-        vy: The same.
-        vphi: Angular velocities of the links (n_b,) [rad/s].
-        m: For an ALE belt (``Belt(mesh="ale")``) the stress-free length of belt in each cell (n_b,)
-            [m], in the order of the belt: the span behind pulley 0, the arc of pulley 1, and so on.
-            Empty for links, as ``x`` to ``vphi`` are for an ALE belt.
-        v: Speed of the belt where each cell begins (n_b,) [m/s], along its numbering.
-        mu: States of the friction law (n_b,), 0 off the pulleys: the friction coefficient [1] of
-            Dahl's law (2.9), its part that the bristles carry of LuGre, the spring's stretch [m]
-            of an elastic/plastic one; 0 of laws without a state. Of a law with several, such as
-            MaxwellSlip, a row for each (n_states, n_b). Where spans are so short that a joint of
-            two links touches both of their pulleys, all rows of one pulley, then of the other.
-        slip: Slip displacements since contact began (n_b,) [m]; with such spans (2, n_b) or more.
-        theta: Angles of the pulleys (n_p,) [rad].
-        omega: Angular velocities of the pulleys (n_p,) [rad/s].
-        travel: Travels of the mounts (n_m,) [rad or m]: angle of an arm, distance of a slider, time
-            of a path [s]; empty without mounts.
-        travel_speed: Their rates (n_m,) [rad/s or m/s].
-        mount_friction: Share of a mount's friction that acts (n_m,) [1], within +-1.
-        rim_angle: Angles of the rims of couplings, or of the rings of torsional dampers (n_c,)
-            [rad], in the order of ``params.coupled``; empty without. ``theta`` and ``omega`` are
-            then those of the hubs.
-        rim_speed: Their angular velocities (n_c,) [rad/s].
-        windup: Windup of the couplings (n_c,) [rad]: rim against hub; for a clutch in the sense in
-            which it drives, never negative.
-        a: For an ALE belt, amplitudes of the sine modes of its spans (n_p n,) [m], span after span;
-            empty otherwise.
-        p: Their velocities, with those of the axes [m/s].
-        t: Time [s].
-        residual: After settling, the largest unbalanced force over the mean tension; else None.
-
-    Raises:
-        TypeError: Not real numbers.
-        ValueError: Shapes that do not fit together, NaN, infinity.
+    ``mu`` is the friction coefficient of Dahl's law (2.9) [1], its part that the bristles carry of
+    LuGre, the spring's stretch of an elastic/plastic one [m], 0 of laws without a state and off the
+    pulleys. Of a law with several states, such as MaxwellSlip, it has a row for each (n_states,
+    n_b). Where spans are so short that a joint of two links touches both of their pulleys, all rows
+    of one pulley come before those of the other, and ``slip`` has rows, too. ``theta`` and
+    ``omega`` of a pulley with a coupling are those of its hub; what its rim has is in the order of
+    ``params.coupled``, and the windup of a clutch is never negative.
     """
 
     x: Array = _NONE
@@ -189,6 +155,13 @@ class State:
     p: Array = _MODES
     t: float = 0.0
     residual: float | None = None
+
+    def __attrs_post_init__(self) -> None:
+        for name, size in SIZES.items():
+            shape, like = getattr(self, name).shape, _FIRST[size]
+            expected = (self.n_bodies,) if size in ROWS else getattr(self, like).shape
+            if shape[-1:] != expected:
+                raise ValueError(f"State.{name} must have shape {expected} like {like}, got {shape}")
 
     @property
     def n_bodies(self) -> int:
@@ -269,7 +242,7 @@ class State:
         going = params._model.set_going(core, v)
         turning = np.array(going["omega"])
         turning[list(speeds)] = list(speeds.values())
-        moving = {name: going[name] for name, _, unit, _ in _core.STATE_FIELDS if "/s" in unit}
+        moving = {name: going[name] for name, _, unit, _ in TABLE if "/s" in unit}
         for c, k in enumerate(params.coupled):
             moving["rim_speed"][c] = turning[k]
         return attrs.evolve(self, **moving | {"omega": turning}, residual=None)
