@@ -18,8 +18,10 @@ wrap.
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import attrs
@@ -39,6 +41,14 @@ LARGEST = 100.0
 #: Relative accuracy of factors; of the one at which a span goes slack, near which ratios go to
 #: infinity.
 _CLOSE, _SLACK = 1e-6, 1e-3
+
+
+class _State(NamedTuple):
+    """A solved state."""
+
+    factor: float
+    unknown: Array
+    used: Array  # share of every wrap
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -69,7 +79,7 @@ class FullSlip(NamedTuple):
 class _Theory:
     """Tensions at torques grown by a factor: all of them, or that of one pulley and the driver."""
 
-    def __init__(self, steady: Steady, growing: int | None = None) -> None:
+    def __init__(self, steady: Steady, growing: int | None = None, *, coarse: bool) -> None:
         params = steady.params
         self.steady, self.params = steady, params
         self.length = float(params.info["length"])
@@ -95,6 +105,10 @@ class _Theory:
         self.start = np.concatenate([steady.tension[-1:], steady.travel[self.free]])
         self.offset = np.zeros(self.start.size)
         self.offset = self._misfit(self.start, 1.0)
+        # Of a single pulley coarse steps are enough: the span that goes slack is not its own, or it
+        # slips before.
+        self.growth, self.slack = (1.6, 10.0 * _SLACK) if coarse else (1.25, _SLACK)
+        self.solved: dict[float, _State | None] = {}
 
     def span(self, tension: Any, speed: float = 0.0) -> Span:
         return Span(self.params.belt, tension, speed)
@@ -208,95 +222,73 @@ class _Theory:
             return unknown
         raise ValueError("no state found")
 
+    def _at(self, factor: float, start: Array) -> _State | None:
+        """Solve for a factor; None if there is no such state."""
+        if factor not in self.solved:
+            self.solved[factor] = None
+            with contextlib.suppress(ValueError, np.linalg.LinAlgError):
+                unknown = self.solve(factor, start)
+                tension, speed = self.tensions(float(unknown[0]), factor)
+                angles = self.slip_angles(self.span(tension, speed).pull)
+                used = angles / self.route(unknown)[0].wraps
+                self.solved[factor] = _State(factor, unknown, used)
+        return self.solved[factor]
 
-class _State(NamedTuple):
-    """A solved state."""
+    def _march(self) -> Iterator[_State]:
+        """Yield states at rising factors, up to where a span goes slack."""
+        last = self._at(1.0, self.start)
+        if last is None:
+            raise ValueError("the tensions of the window are none of a tight belt")
+        none = self._at(0.0, last.unknown)
+        yield from (last,) if none is None else (none, last)
+        failed = math.inf
+        while failed - last.factor >= self.slack * last.factor:
+            factor = min(self.growth * last.factor, 0.5 * (last.factor + failed))
+            if factor > LARGEST:
+                return
+            state = self._at(factor, last.unknown)
+            if state is None:
+                failed = factor
+            else:
+                yield (last := state)
 
-    factor: float
-    unknown: Array
-    used: Array  # share of every wrap
+    def slips(self, watched: list[int], k: int) -> FullSlip:
+        """Find the factor at which the first of these slips in full; return that of pulley k."""
+
+        def used(state: _State) -> float:
+            return float(np.max(state.used[watched]))
+
+        steps = pairwise(self._march())
+        around = next((two for two in steps if max(map(used, two)) >= 1.0), None)
+        if around is None or used(around[0]) >= 1.0:
+            return FullSlip(factor=math.inf, torque=math.nan, tensions=(math.nan, math.nan))
+        low, high = around
+        while high.factor - low.factor > _CLOSE * high.factor:
+            # By the secant, kept off the ends so that both of them move.
+            share = min(max((1.0 - used(low)) / (used(high) - used(low)), 0.02), 0.98)
+            middle = self._at(low.factor + share * (high.factor - low.factor), low.unknown)
+            if middle is None or abs(used(middle) - 1.0) < _CLOSE:
+                low = middle or low
+                break
+            low, high = (middle, high) if used(middle) < 1.0 else (low, middle)
+        tension = self.tensions(float(low.unknown[0]), low.factor)[0]
+        pair = float(tension[k]), float(tension[k - 1])
+        lever = self.radii[k] * self.params.route.senses[k]
+        torque = float(self.steady.torque[k] + (low.factor - 1.0) * self.per_factor[k] * lever)
+        return FullSlip(factor=low.factor, torque=torque, tensions=(max(pair), min(pair)))
 
 
 def full_slip(
     steady: Steady, pulleys: Sequence[int] | None = None, alone: bool = False
 ) -> list[FullSlip | None]:
-    """Find the torque at which each pulley slips in full, as if no other slipped before."""
-    asked = range(len(steady.params.pulleys)) if pulleys is None else pulleys
-    if alone:
-        return [_alone(_Theory(steady, k), k) for k in asked]
-    theory = _Theory(steady)
-    holds = [k for k in asked if theory.mu[k] > 0.0]
-    states = _march(theory, holds, np.all, coarse=pulleys is not None) if holds else []
-    return [_of_pulley(theory, states, k, k) if k in holds else None for k in asked]
+    """Find the torque at which each pulley slips in full, as if no other slipped before.
 
-
-def _alone(theory: _Theory, k: int) -> FullSlip | None:
-    """Find where the first of all pulleys slips, as the torque of one grows."""
-    if not theory.mu[k] > 0.0:
-        return None
-    holds = np.flatnonzero(theory.mu > 0.0).tolist()
-    states = _march(theory, holds, np.any, coarse=True)
-    found = (_of_pulley(theory, states, n, k) for n in holds)
-    return min(found, key=lambda one: one.factor)
-
-
-def _at(theory: _Theory, factor: float, start: Array) -> _State | None:
-    """Solve for a factor; None if there is no such state."""
-    try:
-        unknown = theory.solve(factor, start)
-        tension, speed = theory.tensions(float(unknown[0]), factor)
-        pull = theory.span(tension, speed).pull
-        angles = theory.slip_angles(pull)
-        return _State(factor, unknown, angles / theory.route(unknown)[0].wraps)
-    except (ValueError, np.linalg.LinAlgError):
-        return None
-
-
-def _march(
-    theory: _Theory, holds: list[int], of_them: Callable[[Any], Any], coarse: bool
-) -> list[_State]:
-    """Return states at rising factors, up to where all or any of these slip or a span goes slack.
-
-    Of a single pulley coarse steps are enough: the span that goes slack is not its own, or it slips
-    before.
+    ``alone``: as its own torque grows, where the first of all slips. None: it has no friction.
     """
-    growth, slack = (1.6, 10.0 * _SLACK) if coarse else (1.25, _SLACK)
-    first = _at(theory, 1.0, theory.start)
-    if first is None:
-        raise ValueError("the tensions of the window are none of a tight belt")
-    none = _at(theory, 0.0, first.unknown)
-    states = [first] if none is None else [none, first]
-    failed = math.inf
-    while not of_them(states[-1].used[holds] >= 1.0):
-        last = states[-1]
-        factor = min(growth * last.factor, 0.5 * (last.factor + failed))
-        if factor > LARGEST or failed - last.factor < slack * last.factor:
-            break
-        state = _at(theory, factor, last.unknown)
-        if state is None:
-            failed = factor
-        else:
-            states.append(state)
-    return states
+    def of(k: int) -> FullSlip | None:
+        theory = together or _Theory(steady, k, coarse=True)
+        holds = np.flatnonzero(theory.mu > 0.0).tolist()
+        return theory.slips(holds if alone else [k], k) if k in holds else None
 
-
-def _of_pulley(theory: _Theory, states: list[_State], slips: int, k: int) -> FullSlip:
-    """Find the factor at which one pulley's slip angle is its wrap; return that of pulley k."""
-    above = next((n for n, state in enumerate(states) if state.used[slips] >= 1.0), None)
-    if not above:
-        return FullSlip(factor=math.inf, torque=math.nan, tensions=(math.nan, math.nan))
-    low, high = states[above - 1], states[above]
-    while high.factor - low.factor > _CLOSE * high.factor:
-        # By the secant, kept off the ends so that both of them move.
-        share = float((1.0 - low.used[slips]) / (high.used[slips] - low.used[slips]))
-        share = min(max(share, 0.02), 0.98)
-        middle = _at(theory, low.factor + share * (high.factor - low.factor), low.unknown)
-        if middle is None or abs(middle.used[slips] - 1.0) < _CLOSE:
-            low = middle or low
-            break
-        low, high = (middle, high) if middle.used[slips] < 1.0 else (low, middle)
-    tension = theory.tensions(float(low.unknown[0]), low.factor)[0]
-    pair = float(tension[k]), float(tension[k - 1])
-    lever = theory.radii[k] * theory.params.route.senses[k]
-    torque = float(theory.steady.torque[k] + (low.factor - 1.0) * theory.per_factor[k] * lever)
-    return FullSlip(factor=low.factor, torque=torque, tensions=(max(pair), min(pair)))
+    together = None if alone else _Theory(steady, coarse=pulleys is not None)
+    return [of(k) for k in (range(len(steady.params.pulleys)) if pulleys is None else pulleys)]
