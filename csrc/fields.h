@@ -289,25 +289,25 @@
 #define BD_WORK_LOST(...) __VA_ARGS__
 #define BD_WORK_CHECK(...)
 
-/* Counters of a run: X(type, name, text). */
+/* Counters of a run: X(type, name, text). Errors that were not estimated are 0. */
 #define BD_STATS(X)                                                                                \
   X(long, steps, "accepted steps")                                                                 \
   X(long, rejected, "rejected steps")                                                              \
   X(long, nfev, "evaluations of the right-hand side")                                              \
   X(long, njev, "evaluations of the Jacobian; explicit methods need none")                         \
   X(long, nlu, "factorisations; explicit methods need none")                                       \
-  X(long, fallbacks, "steps that only the linearly implicit Euler method could make")              \
-  X(long, changes, "of method, by \"auto\"")                                                       \
+  X(long, fallbacks, "steps in which only the linearly implicit Euler method succeeded")           \
+  X(long, changes, "changes of method, by \"auto\"")                                               \
   X(long, searches, "rebuilds of the list of links that can touch a pulley")                       \
   X(double, smallest_step, "smallest accepted step [s]")                                           \
   X(double, largest_step, "largest accepted step [s]")                                             \
-  X(double, spectral_bound, "closed-form bound of |lambda| of the joints [1/s]")                   \
-  X(double, local_error, "largest local error of a step, in the units of rtol; 0: none was made")  \
-  X(double, balance, "largest residual of the balance of energy over the energy that passed")      \
-  X(double, growth, "rate at which a small difference was seen to grow [1/s]; 0: not")             \
-  X(long, twin_steps, "steps made once more by a displaced twin, to see whether differences grow") \
-  X(double, error, "estimated error of the joint forces over the mean tension; 0: none was made")  \
-  X(double, invariant, "largest of what must not be, over its bound; above 1 ends the run")        \
+  X(double, spectral_bound, "closed-form bound of the joints' eigenvalues [1/s]")                  \
+  X(double, local_error, "largest local error of a step, in the units of rtol")                    \
+  X(double, balance, "largest residual of the energy balance, over the energy transmitted")        \
+  X(double, growth, "rate at which a small difference was seen to grow [1/s]; 0: none was")        \
+  X(long, twin_steps, "steps made once more from a displaced state, to measure this growth")       \
+  X(double, error, "estimated root mean square error of the joint forces, over the mean tension")  \
+  X(double, invariant, "largest violation of an invariant, over its bound; above 1 ends the run")  \
   X(double, residual, "settling only: largest unbalanced force over the mean tension")
 
 /* What a run may be warned of: X(code, accuracy, text). accuracy: the results may be further from
@@ -337,17 +337,17 @@
   X(BD_ERR_TORQUE_DATA, VALUE, "the torque or motion data break their rule")                       \
   X(BD_ERR_BUSY, USE, "the simulation is running in another call")                                 \
   X(BD_ERR_CALLBACK, CALL, "a torque or motion function asked to stop")                            \
-  X(BD_ERR_TORQUE_VALUE, RUN, "a torque or a motion is not finite")                                \
-  X(BD_ERR_STEP_FLOOR, RUN, "the step fell below its floor")                                       \
-  X(BD_ERR_NOT_FINITE, RUN, "the state is no longer finite")                                       \
+  X(BD_ERR_TORQUE_VALUE, RUN, "a torque or motion function gave a number that is not finite")      \
+  X(BD_ERR_STEP_FLOOR, RUN, "even the shortest possible step does not meet the tolerance")         \
+  X(BD_ERR_NOT_FINITE, RUN, "no step gives finite numbers")                                        \
   X(BD_ERR_PASSED_THROUGH, RUN, "a link passed through a pulley")                                  \
-  X(BD_ERR_OFF_PULLEY, RUN, "the belt has come off a pulley")                                      \
-  X(BD_ERR_JOINT_GAP, RUN, "a joint gapes")                                                        \
-  X(BD_ERR_BALANCE, RUN, "energy has come from nowhere")                                           \
-  X(BD_ERR_STALLED, RUN, "the steps are too short to reach the end")                               \
-  X(BD_ERR_FIXED_STEP, RUN, "the fixed step is too long")                                          \
-  X(BD_ERR_MAX_STEPS, RUN, "the limit on steps was reached")                                       \
-  X(BD_ERR_INVARIANT, RUN, "a state that no drive can have, by an error of the program")           \
-  X(BD_ERR_NOT_SETTLED, RUN, "the belt did not come to rest")
+  X(BD_ERR_OFF_PULLEY, RUN, "the belt has come off a pulley, or settled without touching it")      \
+  X(BD_ERR_JOINT_GAP, RUN, "a joint is open by more than a link's length")                         \
+  X(BD_ERR_BALANCE, RUN, "more energy has appeared than half of what was transmitted")             \
+  X(BD_ERR_STALLED, RUN, "the steps are too short to reach the end; not with max_steps")           \
+  X(BD_ERR_FIXED_STEP, RUN, "the error of a fixed step is many times a joint's stretch")           \
+  X(BD_ERR_MAX_STEPS, RUN, "the limit max_steps was reached")                                      \
+  X(BD_ERR_INVARIANT, RUN, "the state at the end is none a drive can have: please report it")      \
+  X(BD_ERR_NOT_SETTLED, RUN, "settling only: the belt did not come to rest, or came off")
 
 #endif

@@ -119,4 +119,4 @@ def test_help_lists_every_warning_and_error() -> None:
     symbols = [symbol for symbol, _, kind, _ in _core.ERRORS if kind == "RUN"]
     assert symbols
     for symbol in symbols:
-        assert re.search(rf"^ +{symbol} +\S", bd.SimulationError.__doc__ or "", re.MULTILINE)
+        assert re.search(rf"^ +{symbol}: \S", bd.SimulationError.__doc__ or "", re.MULTILINE)

@@ -134,9 +134,9 @@ def with_units(cls: _Class) -> _Class:
     return cls
 
 
-def listed(cls: _Class, rows: Mapping[str, tuple[str, str]]) -> _Class:
-    """Append a section "Attributes" to a docstring, from meaning and unit by name."""
-    _append(cls, "Attributes", {name: f"{text} [{unit}]." for name, (text, unit) in rows.items()})
+def listed(cls: _Class, texts: Mapping[str, str], section: str = "Attributes") -> _Class:
+    """Append a section to a docstring, from a text by name."""
+    _append(cls, section, texts)
     return cls
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from typing import Any, NoReturn, Self, TypeVar
 
 import attrs
@@ -94,7 +95,7 @@ def _group(name: str) -> Callable[[type[_Kind]], type[_Kind]]:
     def enter(kind: type[_Kind]) -> type[_Kind]:
         GROUPS[name] = kind
         rows = {field: QUANTITIES[f"{name}.{field}"] for field in kind.array_names()}
-        return listed(kind, {field: (row.meaning, row.unit) for field, row in rows.items()})
+        return listed(kind, {one: f"{row.meaning} [{row.unit}]." for one, row in rows.items()})
 
     return enter
 
@@ -280,64 +281,48 @@ class EnergyLedger(Group):
         return attrs.evolve(ledger, passed=np.maximum.accumulate(scale))
 
 
+#: What Python counts and tells of a run besides the core.
+_OF_PYTHON = {
+    "method": 'integration method used; "auto" if the run changed between two',
+    "choice": "why that one, or what share each of the two had",
+    "kernels": 'instruction level of the C core\'s inner loops: "baseline", "avx2" or "avx512"',
+    "cpu_time": "CPU time of the run [s], without settling",
+    "wall_time": "wall time of the run [s], without settling",
+    "settle_time": "wall time of settling before the run [s], 0 if there was none",
+}
+_OF_CORE = {name: text for name, text in _core.STATS if name != "residual"}  # that of settling
+
+
+@partial(listed, texts={name: f"{text}." for name, text in (_OF_PYTHON | _OF_CORE).items()})
 @attrs.frozen(kw_only=True)
 class Stats:
     """Counters, times and error estimates of a run.
 
-    Attributes:
-        method: Integration method used; "auto" if the run changed between two.
-        choice: Why that one, or what share each of the two had.
-        kernels: Instruction level of the C core's inner loops: "baseline", "avx2" or "avx512".
-        steps: Accepted steps.
-        rejected: Rejected steps.
-        nfev: Evaluations of the right-hand side.
-        njev: Evaluations of the Jacobian; explicit methods need none.
-        nlu: Factorisations; explicit methods need none.
-        changes: Changes of method, by "auto".
-        fallbacks: Steps in which only the linearly implicit Euler method succeeded.
-        searches: Rebuilds of the list of links that can touch a pulley.
-        smallest_step: Smallest accepted step [s].
-        largest_step: Largest accepted step [s].
-        spectral_bound: Closed-form bound of the joints' eigenvalues [1/s].
-        cpu_time: CPU time of the run [s], without settling.
-        wall_time: Wall time of the run [s], without settling.
-        settle_time: Wall time of settling before the run [s], 0 if there was none.
-        balance: Largest residual of the energy balance, over the energy transmitted: zero but for
-            the error of integration, whatever the method; negative where energy was lost. It is
-            checked with ``ledger=False`` as well.
-        growth: Exponential growth rate of a small difference between two runs [1/s]; 0: none was
-            seen. Slow growth may go undetected, because it is measured over short intervals only.
-        twin_steps: Steps repeated from a slightly displaced state to measure this growth; with less
-            than 1 % of critical damping of the joints' fastest vibration and implicit steps longer
-            than that, also 4000 short ones or a tenth as many as the run has, if that is more.
-        invariant: Largest violation of an invariant in an accepted state, over its bound: forces on
-            the belt without a source and losses that supply energy, which must be rounding. Seen at
-            the end of the run; above 1 it has ended with BD_ERR_INVARIANT.
-        error: Estimate of the error in time of the joint forces: the root mean square over joints
-            and time, over the mean tension. Not the error of the mesh, mostly the larger one, which
-            ``result.accuracy`` has. None: not known.
+    The balance of energy closes but for the error of integration, whatever the method; it is
+    negative where energy was lost, and checked with ``ledger=False`` as well. Slow growth of
+    differences may go undetected, because it is measured over short intervals only: with less than
+    1 % of critical damping of the joints' fastest vibration and implicit steps longer than that, in
+    4000 short ones or a tenth as many as the run has, if that is more. Invariants are forces on the
+    belt without a source and losses that supply energy, which must be rounding; they are seen at
+    the end of the run.
 
-            How good: on the paper's mesh within a factor of five of the true error, mostly above
-            it, in 98 of 100 random drives; else up to forty times too large, where a few steps have
-            the largest local errors.
+    ``error`` is the root mean square over joints and time; not that of the mesh, mostly the larger
+    one, which ``result.accuracy`` has. How good: on the paper's mesh within a factor of five of the
+    true error, mostly above it, in 98 of 100 random drives; else up to forty times too large, where
+    a few steps have the largest local errors. From what: the larger of ``local_error`` and, with
+    the ledger, of ``balance``, each times a factor that was measured (``csrc/run/driver.c``); times
+    the growth of differences, if they grew, times what bounces of mounts on stops add, and of
+    "lbdf2" and "lie", whose errors add up, times the root of the length of a long run. None for
+    fixed steps, histories that diverge, links that vibrate on their contact hardly damped or
+    chatter while nothing shows that differences do not grow, torque functions that change faster
+    than the steps, slack spans. Not in it: what links do as they land and make vibrations that
+    change friction, which long implicit steps damp out: 0.3 % of the tension of the paper's drive
+    near its limit with 60 links, part of the error of such a mesh.
 
-            From what: the larger of ``local_error`` and, with the ledger, of ``balance``, each
-            times a factor that was measured (``csrc/run/driver.c``); times the growth of
-            differences, if they grew, times what bounces of mounts on stops add, and of "lbdf2"
-            and "lie", whose errors add up, times the root of the length of a long run.
-
-            None for: fixed steps, histories that diverge, links that vibrate on their contact
-            hardly damped or chatter while nothing shows that differences do not grow, torque
-            functions that change faster than the steps, slack spans.
-
-            Not in it: what links do as they land and make vibrations that change friction, which
-            long implicit steps damp out: 0.3 % of the tension of the paper's drive near its limit
-            with 60 links, part of the error of such a mesh.
-        local_error: Largest local error of a step, in the units of ``rtol``, which bounds it where
-            errors are controlled. With fixed steps their error, of "rk4" that of a formula of order
-            3, many times its own: from 0.5 on there is a warning, and it is at least 1 if some
-            had to be repeated with shorter ones. None if none was estimated, as in the first steps
-            of "lbdf2" and "lie".
+    ``rtol`` bounds ``local_error`` where errors are controlled. With fixed steps it is their error,
+    of "rk4" that of a formula of order 3, many times its own: from 0.5 on there is a warning, and
+    it is at least 1 if some had to be repeated with shorter ones. None if none was estimated, as in
+    the first steps of "lbdf2" and "lie".
     """
 
     method: str

@@ -159,9 +159,11 @@ class State:
     def __attrs_post_init__(self) -> None:
         for name, size in SIZES.items():
             shape, like = getattr(self, name).shape, _FIRST[size]
-            expected = (self.n_bodies,) if size in ROWS else getattr(self, like).shape
+            expected = (self.n_bodies,) if size == "STATES" else getattr(self, like).shape
             if shape[-1:] != expected:
-                raise ValueError(f"State.{name} must have shape {expected} like {like}, got {shape}")
+                raise ValueError(
+                    f"State.{name} must have shape {expected} like {like}, got {shape}"
+                )
 
     @property
     def n_bodies(self) -> int:

@@ -285,6 +285,7 @@ def full_slip(
 
     ``alone``: as its own torque grows, where the first of all slips. None: it has no friction.
     """
+
     def of(k: int) -> FullSlip | None:
         theory = together or _Theory(steady, k, coarse=True)
         holds = np.flatnonzero(theory.mu > 0.0).tolist()

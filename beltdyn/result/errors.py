@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from .. import _core
+from ..base.described import listed
 from ..base.run_warnings import RunWarning
 from ..drive.params import Params
 from .result import Result
@@ -14,27 +16,12 @@ class SimulationError(RuntimeError):
     """A run that cannot go on, or can no longer be that of a belt drive.
 
     The message names the time, the link or pulley, the reason and what to try; warnings found
-    before are in the notes of the error. The symbols::
-
-        BD_ERR_OFF_PULLEY      the belt has come off a pulley, or settled without touching it
-        BD_ERR_JOINT_GAP       a joint is open by more than a link's length
-        BD_ERR_BALANCE         more energy has appeared than half of what was transmitted
-        BD_ERR_FIXED_STEP      the error of a fixed explicit step is many times a joint's stretch
-        BD_ERR_STALLED         the steps are too short to reach the end; the message says why.
-                               ``max_steps``, a limit of the user's own, replaces this check
-        BD_ERR_MAX_STEPS       ``max_steps`` were made
-        BD_ERR_STEP_FLOOR      even the shortest possible step does not meet the tolerance
-        BD_ERR_NOT_FINITE      no step gives finite numbers
-        BD_ERR_PASSED_THROUGH  a link passed through a pulley
-        BD_ERR_TORQUE_VALUE    the torque function gave a number that is not finite
-        BD_ERR_INVARIANT       the state at the end is none that a drive can have, by an error of
-                               the program: please report it
-        BD_ERR_NOT_SETTLED     settling only: the belt did not come to rest, or came off
+    before are in the notes of the error.
 
     Bad values are ``ValueError``, also an initial state that does not belong to the drive.
 
     Attributes:
-        symbol: One of these.
+        symbol: One of those below.
         t: Time of the failure [s].
         body: Index of the link concerned, or -1.
         pulley: Index of the pulley concerned, or -1.
@@ -64,6 +51,13 @@ class SimulationError(RuntimeError):
         self.value = value
         self.field = field
         self.result: Result | None = None
+
+
+listed(
+    SimulationError,
+    {symbol: f"{text}." for symbol, _, kind, text in _core.ERRORS if kind == "RUN"},
+    "Symbols",
+)
 
 
 class Interrupted(KeyboardInterrupt):
