@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..drive.friction import TINY
 from ..drive.params import Params
-from .arcs import in_slip, per_pulley
+from .arcs import full_friction, per_pulley
 from .averages import durations
 
 #: Share of the largest possible friction, |sum mu N| / sum mu_k N, from which on the whole wrap
@@ -45,16 +45,12 @@ def gross_slip(
     velocity: Array,
 ) -> GrossSlip | None:
     """Find where pulleys slip over their whole wrap; None if none does."""
-    kinetic, developed = params._slip_limits
+    if not params.has_friction:
+        return None
+    _, developed = params._slip_limits
     n_t, n_p = t.size, len(params.pulleys)
     carried = np.abs(per_pulley(friction, pulley, n_p))
-    most = kinetic * per_pulley(normal, pulley, n_p)
-    # In slip no law has less than the kinetic friction.
-    for k in np.flatnonzero((carried >= FULL_SLIP * most).any(axis=0)).tolist():
-        law = params.friction_on(k)
-        held = None if law is None else in_slip(law, float(kinetic[k]), velocity)
-        if held is not None:
-            most[:, k] = per_pulley(held * normal, pulley, n_p)[:, k]
+    most = per_pulley(full_friction(params, pulley, velocity) * normal, pulley, n_p)
     saturated = (carried >= FULL_SLIP * most) & (
         most > NEGLIGIBLE_FRICTION * params.info["strain_tension"]
     )

@@ -20,8 +20,8 @@ _FORCES = ("spring", "damper", "friction", "stop", "belt")
 
 def mount_rows(window: Window, statics: Array | None) -> list[MountRow]:
     """Return the rows; note what is missing in them."""
-    params, run, mounts = window.params, window.run, window.run.mounts
-    if mounts is None:
+    params = window.params
+    if not params.mounted:
         return []
     window.lacks("mounts", "mounts.travel", *(f"mounts.{force}_force" for force in _FORCES))
     rows = []
@@ -49,8 +49,8 @@ def mount_rows(window: Window, statics: Array | None) -> list[MountRow]:
                 True,
             )
             for force, has in zip(_FORCES, there, strict=True):
-                if has and run._has(f"mounts.{force}_force"):
-                    samples = window.of(getattr(mounts, f"{force}_force"))[:, m]
+                samples = window.column(f"mounts.{force}_force", m) if has else None
+                if samples is not None:
                     row[force] = window.spread(samples)
             if "belt" in row and window.travels is not None and statics is not None:
                 along = mount._directions(window.centers[:, k])

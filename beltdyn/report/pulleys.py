@@ -21,7 +21,7 @@ def pulley_rows(window: Window, statics: Array | None, margins: bool = True) -> 
     run, names = window.run, window.params.pulley_names
     rows, has_arcs = [], not window.missing(OF_ARCS)
     for k, name in enumerate(names):
-        found = _motion(window, k) | _coupling(window, k) | _contact(window, k)
+        found = _motion(window, k) | _overruns(window, k) | _contact(window, k)
         found |= hub_load(window, statics, k) if run._has("pulleys.load") else {}
         found |= _arcs(window, k) if has_arcs else {}
         rows.append(PulleyRow(name=name, prescribed=name in run.prescribed, **found))
@@ -52,32 +52,23 @@ def _slip_error(row: PulleyRow, returning: float) -> float:
 
 
 def _motion(window: Window, k: int) -> dict[str, Any]:
-    run = window.run
-    kept = {
-        name: window.of(getattr(run.pulleys, output))[:, k]
-        for name, output in (("speed", "omega"), ("torque", "torque"))
-        if run._has(f"pulleys.{output}")
-    }
-    if len(kept) == 2:
+    kept = {"speed": window.column("pulleys.omega", k)}
+    kept["torque"] = window.column("pulleys.torque", k)
+    if kept["speed"] is not None and kept["torque"] is not None:
         kept["power"] = kept["torque"] * kept["speed"]
-    return {name: window.spread(samples) for name, samples in kept.items()}
+    if window.run.couplings is not None and k in window.params.coupled:
+        c = window.params.coupled.index(k)
+        kept |= {one: window.column(f"couplings.{one}", c) for one in ("rim_speed", "windup")}
+    return {name: window.spread(one) for name, one in kept.items() if one is not None}
 
 
-def _coupling(window: Window, k: int) -> dict[str, Any]:
-    params, run = window.params, window.run
-    if run.couplings is None or k not in params.coupled:
+def _overruns(window: Window, k: int) -> dict[str, Any]:
+    if not isinstance(window.params.pulleys[k].coupling, OverrunningClutch):
         return {}
-    c = params.coupled.index(k)
-    found: dict[str, Any] = {
-        name: window.spread(window.of(getattr(run.couplings, name))[:, c])
-        for name in ("rim_speed", "windup")
-        if run._has(f"couplings.{name}")
-    }
-    clutch = isinstance(params.pulleys[k].coupling, OverrunningClutch)
-    if clutch and run._has("couplings.transmitted"):
-        free = window.of(run.couplings.transmitted)[:, c] == 0.0
-        found["overruns"] = float(window.mean(free.astype(float)))
-    return found
+    handed = window.column("couplings.transmitted", window.params.coupled.index(k))
+    if handed is None:
+        return {}
+    return {"overruns": float(window.mean((handed == 0.0).astype(float)))}
 
 
 def _contact(window: Window, k: int) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import attrs
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,7 +11,7 @@ from ..drive.compliance import running_radius
 from ..drive.span import Span
 from ..outputs.arcs import contact_points, per_pulley
 from ..outputs.averages import mean_over
-from ..outputs.gross_slip import GrossSlip, gross_slip
+from ..outputs.gross_slip import gross_slip
 from ..outputs.sampled import Sampled
 from ..outputs.selection import named
 
@@ -24,60 +23,52 @@ NEEDED = named(
 )
 
 
-@attrs.frozen(eq=False, kw_only=True)
 class Touching:
-    """Contact and friction where they act (MODEL sections 3, 4), each (n_w, n_b)."""
+    """Contact and friction of a window where they act (MODEL sections 3, 4), each (n_w, n_b)."""
 
-    pulley: NDArray[np.int32]  # touched there, -1: none
-    #: Radius of the arc that the polygon of links stands for there [m]: a joint stands off it, the
-    #: middle of a link of the paper's mesh within it.
-    running: Array
-    stretch: Array  # length of the belt over its stress-free length there, lambda [1]
-    normal: Array  # force [N]
-    friction: Array  # on the belt against the counter-clockwise tangent [N]
-    velocity: Array  # slip, counter-clockwise, of belt on the arc of ``running`` [m/s]
-    speed: float  # stress-free length that passes in a second, mean of the window [m/s]
-    speeds: Array  # the same at the samples, in the order of the links (n_w,) [m/s]
-    torques: Array  # of the belt on the pulleys, counter-clockwise (n_w, n_p) [N m]
-    gross: GrossSlip | None  # where pulleys slip over their whole wrap; None: nowhere
-
-
-def touching(run: Sampled, rows: slice, weights: Array, centers: Array) -> Touching:
-    """Read contact and friction off a window of a run, with its weights and the axes there."""
-    params, contact = run.params, run.contact
-    facts, l0, n_p = params._belt_facts, float(params.info["link_length"]), len(params.pulleys)
-    force, touched, normal = run.joints.force[rows], contact.pulley[rows], contact.normal[rows]
-    friction, velocity = contact.friction[rows], contact.velocity[rows]
-    if facts["flows"]:
-        stretch = Span(params.belt, force).stretch
-    else:
-        deformation = run.joints.deformation[rows]
-        if not facts["at_joints"]:  # friction acts between the joints, or bars, on both sides
-            deformation = 0.5 * (deformation + np.roll(deformation, -1, axis=1))
-        stretch = 1.0 + deformation / l0
-    speed, speeds = _speed(run, rows, weights, touched, stretch)
-    if facts["flows"]:
-        radius = running_radius(params, params._radii[touched], force, speeds[:, None])
-        chord = np.ones(1)
-    else:
-        axis = centers[np.arange(len(touched))[:, None], np.maximum(touched, 0)]
-        radius = np.hypot(*np.moveaxis(contact_points(params, run.belt, rows) - axis, -1, 0))
-        chord = _chord(0.5 * l0 / radius, stretch, facts)
-    gross = None
-    if params.has_friction:
-        gross = gross_slip(params, run.t[rows], touched, normal, friction, velocity)
-    return Touching(
-        pulley=touched,
-        running=radius * chord,
-        stretch=stretch,
-        normal=normal,
-        friction=friction,
-        velocity=velocity * chord,
-        speed=speed,
-        speeds=speeds,
-        torques=per_pulley(friction * radius, touched, n_p),
-        gross=gross,
-    )
+    def __init__(self, run: Sampled, rows: slice, weights: Array, centers: Array) -> None:
+        params, contact = run.params, run.contact
+        facts, l0, n_p = params._belt_facts, float(params.info["link_length"]), len(params.pulleys)
+        force = run.joints.force[rows]
+        self.pulley = contact.pulley[rows]  # touched there, -1: none
+        self.normal = contact.normal[rows]  # force [N]
+        #: On the belt against the counter-clockwise tangent [N].
+        self.friction = contact.friction[rows]
+        if facts["flows"]:
+            stretch = Span(params.belt, force).stretch
+        else:
+            deformation = run.joints.deformation[rows]
+            if not facts["at_joints"]:  # friction acts between the joints, or bars, on both sides
+                deformation = 0.5 * (deformation + np.roll(deformation, -1, axis=1))
+            stretch = 1.0 + deformation / l0
+        #: Length of the belt over its stress-free length there, lambda [1].
+        self.stretch = stretch
+        #: Stress-free length that passes in a second [m/s]: mean of the window, and at the samples
+        #: (n_w,), in the order of the links.
+        self.speed, self.speeds = _speed(run, rows, weights, self.pulley, stretch)
+        if facts["flows"]:
+            radius = running_radius(params, params._radii[self.pulley], force, self.speeds[:, None])
+            chord = np.ones(1)
+        else:
+            axis = centers[np.arange(len(force))[:, None], np.maximum(self.pulley, 0)]
+            radius = np.hypot(*np.moveaxis(contact_points(params, run.belt, rows) - axis, -1, 0))
+            chord = _chord(0.5 * l0 / radius, stretch, facts)
+        #: Radius of the arc that the polygon of links stands for there [m]: a joint stands off it,
+        #: the middle of a link of the paper's mesh within it.
+        self.running = radius * chord
+        #: Slip, counter-clockwise, of belt on the arc of ``running`` [m/s].
+        self.velocity = contact.velocity[rows] * chord
+        #: Of the belt on the pulleys, counter-clockwise (n_w, n_p) [N m].
+        self.torques = per_pulley(self.friction * radius, self.pulley, n_p)
+        #: Where pulleys slip over their whole wrap; None: nowhere.
+        self.gross = gross_slip(
+            params,
+            run.t[rows],
+            self.pulley,
+            self.normal,
+            self.friction,
+            contact.velocity[rows],
+        )
 
 
 def _chord(half: Array, stretch: Array, facts: _core.BeltFacts) -> Array:

@@ -23,7 +23,7 @@ from ..outputs.selection import named
 from ..outputs.spans import mid_span
 from .digits import number
 from .rows import SCALES, Spread
-from .touching import NEEDED, Touching, touching
+from .touching import NEEDED, Touching
 
 #: The outputs that arcs are found from.
 OF_ARCS = named(belt="x y phi", contact="pulley normal mu velocity")
@@ -108,6 +108,13 @@ class Window:
             return None
         return Spread(float(self.mean(samples)), float(there.min()), float(there.max()))
 
+    def column(self, name: str, k: int) -> Array | None:
+        """Return the samples of an output, as "pulleys.omega", of one of its places; None: none."""
+        if not self.run._has(name):
+            return None
+        group, _, field = name.partition(".")
+        return np.asarray(self.of(getattr(getattr(self.run, group), field))[:, k])
+
     def smoothed(self, samples: Array, width: float) -> Array:
         """Return the running mean over a time [s] of samples (n_w, n), NaN left out.
 
@@ -184,7 +191,7 @@ class Window:
         """Contact and friction where they act; None: their outputs are missing."""
         if self.missing(NEEDED):
             return None
-        return touching(self.run, self.rows, self.weights, self.centers)
+        return Touching(self.run, self.rows, self.weights, self.centers)
 
     @functools.cached_property
     def middles(self) -> Array | None:

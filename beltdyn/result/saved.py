@@ -130,36 +130,33 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     if not np.isfinite(t).all() or (np.diff(t) < 0.0).any():
         raise ValueError("t must be finite and non-decreasing")
 
-    without = {f"energy.{name}" for name, *_ in _core.ENERGY_TERMS}
-    without -= {f"energy.{name}" for name in params._model.energy_terms}
-    without |= lacking(params)
-    for name in sorted(without & values.keys()):
+    absent = lacking(params) | {
+        f"{LEDGER}.{name}"
+        for name, *_ in _core.ENERGY_TERMS
+        if name not in params._model.energy_terms
+    }
+    for name in sorted(absent & values.keys()):
         raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
     kept = meta.get("outputs")
-    with_energy = any(name.startswith("energy.") for name in values) if kept is None else True
-    left_out = ({"energy"} if not with_energy else set()) | absent_groups(params)
-
-    def history(group: str) -> dict[str, NDArray[Any]]:
-        arrays = {}
-        for field in GROUPS[group].array_names():
-            name = f"{group}.{field}"
-            asked = group if group == LEDGER else name
-            if name in without or not (kept is None or asked in kept):
-                if name in values:
-                    raise ValueError(f"{name} does not belong there: it was not asked for")
-                continue
-            kind = np.int32 if name == "contact.pulley" else np.float64
-            size = QUANTITIES[name].size
-            shape = (t.size, *(() if group == LEDGER else shape_of(size, params)))
-            arrays[field] = npz.number_array(name, values[name], kind, shape)
-            beyond = not meta["success"] and (
-                name in _MAY_OVERFLOW or size in PARTS or group == LEDGER
-            )
-            if not beyond and not np.isfinite(arrays[field]).all():
-                raise ValueError(f"{name} must be finite")
-        return arrays
-
-    arrays = {name: history(name) for name in GROUPS if name not in left_out}
+    left_out = absent_groups(params)
+    if kept is None and not any(name.startswith(f"{LEDGER}.") for name in values):
+        left_out.add(LEDGER)
+    arrays: dict[str, dict[str, NDArray[Any]]] = {one: {} for one in GROUPS if one not in left_out}
+    for name, row in QUANTITIES.items():
+        group, whole = row.group, row.group == LEDGER
+        if group not in arrays:
+            continue
+        if name in absent or not (kept is None or (group if whole else name) in kept):
+            if name in values:
+                raise ValueError(f"{name} does not belong there: it was not asked for")
+            continue
+        kind = np.int32 if name == "contact.pulley" else np.float64
+        shape = (t.size, *(() if whole else shape_of(row.size, params)))
+        array = npz.number_array(name, values[name], kind, shape)
+        beyond = name in _MAY_OVERFLOW or row.size in PARTS or whole
+        if not (beyond and not meta["success"]) and not np.isfinite(array).all():
+            raise ValueError(f"{name} must be finite")
+        arrays[group][row.field] = array
     touched = arrays["contact"].get("pulley", np.zeros(0))
     if touched.size and not -1 <= touched.min() <= touched.max() < n_p:
         raise ValueError(f"contact.pulley must be from -1 to {n_p - 1}")
