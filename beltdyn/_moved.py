@@ -12,7 +12,7 @@ from importlib.abc import MetaPathFinder
 from types import ModuleType
 
 _KEPT_NAMES = {
-    "outputs": "accuracy_report arcs averages gross_slip histories places spans state",
+    "outputs": "accuracy_report arcs averages histories places spans state",
     "drive": (
         "balance cells compliance couplings mounts parameters params parts preload route "
         "rules sanity scene tensioning toml"
@@ -43,6 +43,7 @@ MOVED = {
     "escaped": "loads.callback_errors",
     "explaining.text": "explaining.explanation_text",
     "explaining.window": "explaining.run_length",
+    "gross_slip": "outputs.arcs",
     "hard": "scenes.hard_scenes",
     "html": "base.tables",
     "identification.report": "identification.findings",

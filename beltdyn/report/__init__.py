@@ -6,8 +6,7 @@ from ..base.described import describe_all
 from . import rows
 from .cycles import rainflow
 from .digits import speed_errors
-from .making import creep_of, make_report
-from .report import Report
+from .report import Report, creep_of, make_report
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, Rows, SpanRow, Spread
 
 __all__ = [

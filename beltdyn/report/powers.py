@@ -13,8 +13,7 @@ from ..outputs.arcs import per_pulley
 from ..outputs.selection import named
 from .digits import number
 from .rows import RESIDUAL, Power, Rows
-from .touching import Touching
-from .window import Window
+from .window import Touching, Window
 
 #: Work of the belt on axes that are led along a path, put in or taken off by what leads them; and
 #: what that is called.

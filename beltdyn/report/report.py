@@ -1,16 +1,46 @@
-"""A report, as text, dictionaries and data frames."""
+"""A report, as text, dictionaries and data frames, and how it is made of a run."""
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import attrs
+import numpy as np
 
-from ..base.checks import flag
+from ..base.checks import flag, integer, share_of_run
 from ..base.optional import optional_module
 from ..base.rounding import plain
+from ..outputs.averages import LAST
+from ..outputs.sampled import Sampled
 from . import brief, flat, text
-from .rows import ReportData
+from .creep import creep_rows
+from .cycles import cycle_rows
+from .hubs import hub_statics
+from .mounted import mount_rows
+from .powers import power_rows
+from .pulleys import pulley_rows
+from .rows import Creep, PulleyRow, ReportData, Rows, Spread
+from .span_rows import span_rows
+from .window import NEEDED, OF_ARCS, Window
+
+#: Share of the exponent mu wrap that bending takes off, from which on a report states it.
+NOTABLE = 0.01
+#: Turns of a pulley in the window below which a report states them, and those of one that stands.
+MIN_TURNS, STANDSTILL_TURNS = 5.0, 0.01
+#: Power over the largest one of a pulley that only runs along.
+IDLE = 0.01
+
+
+#: What needs which outputs; frequencies, powers and cycles name theirs themselves.
+_PARTS: tuple[tuple[tuple[str, ...], str], ...] = (
+    (("pulleys.omega",), "no speeds, no creep, no margin to slip"),
+    (("pulleys.torque",), "no torques"),
+    (("pulleys.load",), "no hub loads"),
+    (OF_ARCS, "no arcs of contact and slip"),
+    (NEEDED, "no ratios of tensions, margin to slip, split of creep, friction by pulley"),
+    (("span_tension",), "no mean tensions of spans, ratios, margin to slip, split of creep"),
+)
 
 
 def _with_fields(cls: type[Report]) -> type[Report]:
@@ -101,3 +131,120 @@ class Report(ReportData):
         """
         pandas = optional_module("pandas", "to_frame", "report")
         return pandas.DataFrame(flat.numbers(self), columns=list(flat.Number._fields))
+
+
+def make_report(
+    run: Sampled, last: float = LAST, joint: int = 0, *, margins: bool = True
+) -> Report:
+    """Make the report of the last part of a run; ``margins`` to slip take most of its time."""
+    share, params = share_of_run("last", last), run.params
+    which = integer("joint", joint, 0)
+    if which >= params.n_bodies:
+        raise ValueError(f"joint must be < {params.n_bodies}, the number of joints, got {which}")
+    window = Window.last(run, share)
+    notes, driver, belt = window.notes, window.driver, window.belt
+    for names, parts in _PARTS:
+        window.lacks(parts, *names)
+    if params.mounted:
+        window.lacks(
+            "no wraps, limits, lengths and string frequencies of spans, margin to slip, no torque "
+            "of the belt on pulleys with mounts and no split of their creep",
+            "mounts.travel",
+        )
+    if driver is None and run._has("pulleys.omega"):
+        notes.append("the belt stands still in this window: no creep; margins are those at rest")
+    if not params.has_friction:
+        notes.append("there is no friction: the belt hands on no torque")
+    _turns(window)
+    statics = hub_statics(window)
+    pulleys = pulley_rows(window, statics, margins)
+    _bending(window, pulleys)
+    rows = {  # in the order of their notes
+        "pulleys": Rows(pulleys),
+        "spans": Rows(span_rows(window)),
+        "mounts": Rows(mount_rows(window, statics)),
+        "creep": Rows(creep_rows(window)),
+        **power_rows(window),
+    }
+    notes += run.accuracy.notes
+    rows |= cycle_rows(window, which)
+    return Report(
+        **rows,
+        begin=float(window.t[0]),
+        end=float(window.t[-1]),
+        samples=window.t.size,
+        driver=None if driver is None else params.pulley_names[driver],
+        belt_speed=None if belt is None else float(belt.speed),
+        belt_speeds=_belt_speeds(window),
+        rest_tension=(
+            None if params._belt_facts["tangents"] else float(params.info["mean_tension"])
+        ),
+        mass_tension=None if belt is None else float(belt.centrifugal),
+        power_error=run.accuracy["power"].known,
+        tension_error=run.accuracy["span_mean"].known,
+        creep_error=run.accuracy["creep"].known,
+        nodes=params._belt_facts["nodes"],
+        joint=which,
+        unsteady=tuple(window.unsteady()),
+        notes=tuple(notes),
+        accuracy=run.accuracy,
+        warnings=run.warnings,
+    )
+
+
+def creep_of(run: Sampled, last: float = LAST) -> tuple[str, list[Creep]]:
+    """Return the driving pulley, "" if there is none, and the rows of creep of the others."""
+    if run.t.size < 2 or not run.t[-1] > run.t[0] or not run._has("pulleys.omega"):
+        return "", []
+    window = Window.last(run, last)
+    if window.touching is None or window.driver is None:
+        return "", []
+    return run.params.pulley_names[window.driver], creep_rows(window)
+
+
+def _turns(window: Window) -> None:
+    """Note where the window holds too few turns of a pulley for its means."""
+    run = window.run
+    if not run._has("pulleys.omega"):
+        return
+    turns = np.abs(window.mean(window.of(run.pulleys.omega))) * window.lasts / (2.0 * np.pi)
+    if run._has("pulleys.torque"):  # of those whose loads may change with the angle
+        power = window.mean(np.abs(window.of(run.pulleys.torque) * window.of(run.pulleys.omega)))
+        turns = np.where(power > IDLE * power.max(initial=0.0), turns, np.inf)
+    slowest = int(np.argmin(turns))
+    if STANDSTILL_TURNS < turns[slowest] < MIN_TURNS:
+        window.notes.append(
+            f"the window holds {turns[slowest]:.2g} turns of {run.params.label(slowest)}: what "
+            "changes with its angle goes into the means with a broken number of periods"
+        )
+
+
+def _bending(window: Window, rows: list[PulleyRow]) -> None:
+    """Note where the belt's bending stiffness, which limits and margins neglect, matters.
+
+    The belt leaves the rim at an angle sqrt(EI/T)/r to its span. There it is pressed on the rim by
+    as much as on the arc that this takes off, but pulled along the rim by the component of the
+    tension: the exponent mu wrap loses EI/(2 r^2) (1/T_slack - 1/T_tight), to leading order.
+    """
+    stiffness = window.params.belt.bending_stiffness
+    told = []
+    for row, pulley in zip(rows, window.params.pulleys, strict=True):
+        if row.margin is None or not row.limit or not row.slack or row.limit <= 1.0:
+            continue
+        loss = stiffness / (2.0 * pulley.radius**2 * row.slack) * (1.0 - 1.0 / row.limit)
+        share = loss / math.log(row.limit)
+        if share > NOTABLE:
+            told.append(f"{100.0 * share:.1f} % on {row.name}")
+    if told:
+        window.notes.append(
+            "limits, friction in use and margins leave out that the belt resists bending, which "
+            f"takes off mu wrap, so that full slip uses less than 100 %: {', '.join(told)}"
+        )
+
+
+def _belt_speeds(window: Window) -> Spread | None:
+    """Return the speed of the belt with its range."""
+    if window.touching is None or window.belt is None:
+        return None
+    found = window.spread(window.speeds * window.touching.stretch.mean(axis=1))
+    return found and attrs.evolve(found, mean=float(window.belt.speed))

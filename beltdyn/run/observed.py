@@ -18,8 +18,8 @@ from ..base.run_warnings import RunWarning
 from ..drive import cells, sanity
 from ..drive.couplings import OverrunningClutch
 from ..drive.params import Params
+from ..outputs.arcs import gross_slip
 from ..outputs.averages import durations
-from ..outputs.gross_slip import gross_slip
 from ..outputs.selection import has, unchecked
 from ..outputs.squeal import squeals
 from ..result.result import Result
@@ -99,6 +99,8 @@ def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
 
 def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
     params, contact = result.params, result.contact
+    if not params.has_friction:
+        return
     found = gross_slip(
         params, result.t, contact.pulley, contact.normal, contact.friction, contact.velocity
     )
