@@ -360,6 +360,22 @@ def test_bad_arguments(result: bd.Result) -> None:
             draw(empty)
     with pytest.raises(ValueError, match="result must hold at least one sample"):
         bd.plot.overview(empty)
+    for of_a_drive in (bd.plot.mode, bd.plot.animate_mode):
+        with pytest.raises(TypeError, match=r"modes must be a Modes, got Params: .* bd\.modes"):
+            of_a_drive(result.params)
+    with pytest.raises(TypeError, match="response must be a FrequencyResponse, got Params"):
+        bd.plot.frequency_response(result.params)
+
+
+def test_help_has_a_text_for_every_argument() -> None:
+    """Those that several functions have stand once, and are put together."""
+    for name in set(bd.plot.__all__) - {"Animation"}:
+        draw = getattr(bd.plot, name)
+        text = inspect.getdoc(draw).partition("\nArgs:\n")[2]
+        for one in inspect.signature(draw).parameters.values():
+            shown = f"**{one.name}" if one.kind is one.VAR_KEYWORD else one.name
+            assert f"    {shown}: " in text, (name, shown)
+        assert "ValueError: " in text.partition("\nRaises:\n")[2], name
 
 
 OF_A_DRIVE = "bd.plot.layout(bd.scenes.kubas_case_1().params)"

@@ -1,4 +1,4 @@
-"""Help texts of classes with fields: the type of each argument, the meaning of each field; errors.
+"""Help texts: the type of each argument, the meaning of each field, what functions share; errors.
 
 attrs takes the types of arguments from converters, which take any object, and gives fields no text.
 Types and texts stand once, in the class and in the section "Attributes" of its docstring. ``help``
@@ -27,6 +27,8 @@ _NOTES = ("__attrs_props__", "__attrs_own_setattr__")
 #: What belongs to another call: by the function that it is given, and how that call is written.
 _ELSEWHERE = {"Result.report": {"full": "report().text(full=True)"}}
 _FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
+#: The names of arguments and their text.
+_ARGUMENT = re.compile(r"^    (\*{,2}\w+(?:, \w+)*): (.*(?:\n     .*)*)", re.MULTILINE)
 
 
 def describe(cls: Any) -> None:
@@ -148,6 +150,31 @@ def ruled(cls: type, texts: Mapping[str, str]) -> None:
     ):
         if f"\n    {name}:\n" not in (cls.__doc__ or ""):
             _append(cls, name, rows)
+
+
+def share_texts(function: Any, texts: Mapping[str, str]) -> None:
+    """Complete a docstring by texts of arguments, and the error, that many functions have.
+
+    What it has of its own under "Args" and "Raises" goes before these.
+    """
+    if function.__doc__ is None:  # Python drops them
+        return
+    head, *parts = re.split(r"\n\n(?=Args:\n|Raises:\n)", inspect.cleandoc(function.__doc__))
+    sections = dict(one.split(":\n", 1) for one in parts)
+    own = {
+        name: text
+        for names, text in _ARGUMENT.findall(sections.get("Args", ""))
+        for name in names.split(", ")
+    }
+    lines = [head, "", "Args:"]
+    for name, one in inspect.signature(function).parameters.items():
+        shown = f"**{name}" if one.kind is one.VAR_KEYWORD else name
+        text = f"{shown}: {own.get(shown) or texts[name]}"
+        lines += textwrap.wrap(text, 96, initial_indent=4 * " ", subsequent_indent=8 * " ")
+    raises = [sections["Raises"]] if "Raises" in sections else []
+    if "ValueError" not in "".join(raises):
+        raises.insert(0, "    TypeError, ValueError: An argument breaks its rule.")
+    function.__doc__ = "\n".join([*lines, "", "Raises:", *raises])
 
 
 def _append(cls: type, section: str, texts: Mapping[str, str]) -> None:

@@ -35,15 +35,8 @@ def force_along_belt(
     ``wraps=False`` and axes that already hold such forces, several times can be compared.
 
     Args:
-        result: A run with at least one sample.
-        t: Time [s], the nearest sample; None: the last.
         first: Number of the first element; the paper's is 1.
         wraps: Whether to shade the elements on each pulley.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
     """
     row = sample(result, t)
     first = integer("first", first, 0)
@@ -105,21 +98,13 @@ def drive(
     and, while they turn, an arrow.
 
     Args:
-        result: A run with at least one sample.
-        t: Time [s], the nearest sample; None: the last.
         colour: What colours the belt: "tension" (of a link, the mean of the joints at its ends),
             "friction" (mu; grey off the pulleys) or None.
         arcs: Whether to mark, within the rims, where the belt sticks and where it slips; not
             for a drive without friction.
-        slip_from: A link counts as slipping from this share of full friction on,
-            in (0, 1]; with a Stribeck curve that at its slip velocity.
         links: Links to highlight: an index, a sequence of them, or {name: index}; or cells.
         limits: Ends of the colour scale; None: least and largest tension at this time, or the
             kinetic coefficient, to either side, for friction.
-        ax: Axes to draw into; None: those of a new figure.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
     """
     row = sample(result, t)
     rows = slice(row, row + 1)

@@ -36,13 +36,10 @@ def tension_along(
     where the belt sticks and has not stretched since it arrived.
 
     Args:
-        result: A run with at least one sample.
         t: Times [s], of each the nearest sample; None: the last.
-        ax: Axes to draw into; None: those of a new figure.
         **line: For matplotlib's ``plot``. A ``label`` stands before the times if there are several.
 
     Raises:
-        TypeError, ValueError: An argument breaks its rule.
         AttributeError: ``joints.force`` or ``belt`` was not asked for.
     """
     times = list(t) if isinstance(t, Iterable) and not isinstance(t, str) else [t]
@@ -79,14 +76,7 @@ def arcs(
     Where the shade reaches the line, the whole wrap slips and friction can carry no more; between
     the two the belt sticks. A link slips from 95 % of full friction on (:class:`beltdyn.Arcs`).
 
-    Args:
-        result: A run with at least one sample.
-        pulleys: A pulley or several, by index or name; None: all.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``, as in :func:`speeds`.
-
     Raises:
-        TypeError, ValueError: An argument breaks its rule.
         AttributeError: An output that :attr:`beltdyn.Result.arcs` needs was not asked for.
     """
     found = result.arcs

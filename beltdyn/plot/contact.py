@@ -33,15 +33,7 @@ def contact_forces(
     counter-clockwise tangent.
 
     Args:
-        result: A run with at least one sample.
-        link: Index or indices of links, from 0.
         which: "normal", "friction" or both.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``. A ``label`` stands before the names when there are
-            several lines.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
     """
     chosen = indices("link", link, result.params.n_bodies)
     forces = [which] if isinstance(which, str) else which
@@ -68,13 +60,8 @@ def friction_coefficient(
     between two samples.
 
     Args:
-        result: A run with at least one sample.
-        link: Index or indices of links, from 0.
         against: "time", or "slip": over the slip displacement in mm, which shows the hysteresis
             loop of the Dahl law.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``. A ``label`` stands before the name of the link when
-            there are several.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule, or the run had no friction.
@@ -92,15 +79,6 @@ def relative_velocity(
     """Draw the velocity v_T of links relative to the rim over time: Fig. 12 of the paper.
 
     The line has a gap where the link touches no pulley.
-
-    Args:
-        result: A run with at least one sample.
-        link: Index or indices of links, from 0.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``, as in :func:`friction_coefficient`.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
     """
     return _in_contact(result, link, "contact.velocity", "time", ax, line)
 

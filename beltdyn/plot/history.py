@@ -29,16 +29,6 @@ def speeds(
     """Draw the angular velocities of the pulleys over time: Figs 7, 14 and 19 of the paper.
 
     Of pulleys with a coupling those of their shafts, and dotted those of their rims.
-
-    Args:
-        result: A run with at least one sample.
-        pulleys: A pulley or several, by index or name; None: all.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``. A ``label`` stands before the name of the pulley when
-            there are several.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
     """
     columns = named_pulleys(result, pulleys)
     which = [k for k, *_ in columns]
@@ -57,32 +47,13 @@ def speeds(
 def torques(
     result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:
-    """Draw the set torques M_d of (2.12) over time: Figs 6 and 13 of the paper.
-
-    Args:
-        result: A run with at least one sample.
-        pulleys: A pulley or several, by index or name; None: all.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``, as in :func:`speeds`.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
-    """
+    """Draw the set torques M_d of (2.12) over time: Figs 6 and 13 of the paper."""
     return over_time(result, "pulleys.torque", named_pulleys(result, pulleys), ax, line)
 
 
 @draws()
 def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
-    """Draw the mean tension of each free span over time; gaps where a span has no joint.
-
-    Args:
-        result: A run with at least one sample.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``, as in :func:`speeds`.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
-    """
+    """Draw the mean tension of each free span over time; gaps where a span has no joint."""
     names = span_names(result.pulleys.names)
     columns = [(k, k, style.plain(name)) for k, name in enumerate(names)]
     return over_time(result, SPANS, columns, ax, line)
@@ -90,18 +61,7 @@ def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axe
 
 @draws()
 def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any) -> Axes:
-    """Draw the force along joints (2.2) over time: Figs 8b and 15 of the paper.
-
-    Args:
-        result: A run with at least one sample.
-        joint: Index or indices of joints, from 0; joint i is on the left of link i.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``. A ``label`` stands before the name of the joint when
-            there are several.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
-    """
+    """Draw the force along joints (2.2) over time: Figs 8b and 15 of the paper."""
     return over_time(result, "joints.force", _joints(result, joint), ax, line)
 
 
@@ -109,17 +69,7 @@ def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **lin
 def joint_deformation(
     result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any
 ) -> Axes:
-    """Draw the stretch of joints (2.2) over time, in mm: Fig. 8a of the paper.
-
-    Args:
-        result: A run with at least one sample.
-        joint: Index or indices of joints, from 0; joint i is on the left of link i.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: For matplotlib's ``plot``, as in :func:`joint_force`.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
-    """
+    """Draw the stretch of joints (2.2) over time, in mm: Fig. 8a of the paper."""
     columns = _joints(result, joint)
     return over_time(result, "joints.deformation", columns, ax, line, (1e3, "mm"))
 
@@ -140,8 +90,6 @@ def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
 
     Args:
         result: A run of a drive with mounts, with at least one sample.
-        ax: Axes to draw into; None: those of a new figure.
-        **line: Passed to ``plot``.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule; the drive has no arm and no slider.
@@ -169,7 +117,6 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
 
     Args:
         result: A run with at least one sample and its ledger.
-        ax: Axes to draw into; None: those of a new figure.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule, or the run carried no ledger.

@@ -33,7 +33,6 @@ def layout(drive: Params | Iterable[Pulley], *, ax: Axes | None = None) -> Axes:
 
     Args:
         drive: A drive, or its pulleys alone, in the order in which the belt visits them.
-        ax: Axes to draw into; None: those of a new figure.
 
     Raises:
         TypeError: These are no pulleys.

@@ -115,15 +115,6 @@ def mode(modes: Modes, k: int = 0, *, scale: float = 1.0, ax: Axes | None = None
     """Draw a mode: the belt, exaggerated, at two opposite phases over the line at rest.
 
     Marks on the pulleys turn with them, as much exaggerated as the belt, by at most 34 degrees.
-
-    Args:
-        modes: From :func:`beltdyn.modes`.
-        k: Which of them.
-        scale: Factor of the exaggeration.
-        ax: Axes to draw into; None: those of a new figure.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
     """
     ax = style.axes(ax, _height(modes))
     picture = _ModePicture(ax, modes, integer("k", k, 0, len(modes) - 1), scale)
@@ -147,14 +138,8 @@ def animate_mode(
     """Animate one period of a mode, shown over ``duration`` seconds.
 
     Args:
-        modes: From :func:`beltdyn.modes`.
-        k: Which of them.
-        scale: Factor of the exaggeration.
         duration: Duration of the period shown [s].
         fps: Frames per second.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
     """
     k = integer("k", k, 0, len(modes) - 1)
     frames = max(2, round(positive("duration", duration, "s") * positive("fps", fps, "1/s")))
@@ -208,9 +193,6 @@ def frequency_response(
         which: Pulleys, by index or name, one or several; None: all. Of "travel" all mounts are
             drawn.
         axes: Axes for amplitude and phase; None: those of a new figure.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
     """
     choice("output", output, tuple(_QUANTITIES))
     params = response.params

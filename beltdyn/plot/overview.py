@@ -17,12 +17,8 @@ def overview(result: Result, *, t: float | None = None, fig: Figure | None = Non
     """Draw pulley speeds, span tensions, the forces along the belt and the drive to scale.
 
     Args:
-        result: A run with at least one sample.
         t: Time of the lower two panels [s], the nearest sample; None: the last.
         fig: Figure to draw into; None: a new one.
-
-    Raises:
-        TypeError, ValueError: An argument breaks its rule.
     """
     time = result.t[sample(result, t)]
     figure = style.new_figure(10.0, 7.0, dpi=150) if fig is None else fig

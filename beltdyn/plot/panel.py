@@ -11,13 +11,40 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from ..base.checks import Array, close_to
+from ..base.described import share_texts
 from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
+from ..vibration import FrequencyResponse, Modes
 from . import style
-from .select import Pulleys, pulley_indices, with_samples
+from .select import Pulleys, drawable, pulley_indices
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
+
+#: What is drawn: by the name of the argument its class, and what makes it.
+_DRAWN: dict[str, tuple[type, str]] = {
+    "result": (Result, "simulate"),
+    "modes": (Modes, "modes"),
+    "response": (FrequencyResponse, "frequency_response"),
+}
+#: Texts of arguments that several functions have.
+_ARGUMENTS = {
+    "result": "A run with at least one sample.",
+    "t": "Time [s], the nearest sample; None: the last.",
+    "pulleys": "A pulley or several, by index or name; None: all.",
+    "link": "Index or indices of links, from 0.",
+    "joint": "Index or indices of joints, from 0; joint i is on the left of link i.",
+    "slip_from": "A link counts as slipping from this share of full friction on, in (0, 1]; with a "
+    "Stribeck curve that at its slip velocity.",
+    "modes": "From :func:`beltdyn.modes`.",
+    "k": "Which of them.",
+    "scale": "Factor of the exaggeration.",
+    "dataset": "The result of ``bd.sweep``.",
+    "quantity": "Name of a variable of numbers in it.",
+    "at": 'The values of all other dimensions, such as ``{"pulley": "alternator"}``.',
+    "ax": "Axes to draw into; None: those of a new figure.",
+    "line": "For matplotlib's ``plot``. A ``label`` stands before the names of several lines.",
+}
 
 #: The number of its style, its name, x and y.
 Curve = tuple[int, str, Array, Array]
@@ -26,13 +53,15 @@ Curve = tuple[int, str, Array, Array]
 def draws(
     *artists: type, to: Sequence[Callable[..., Any]] = (Axes.plot,)
 ) -> Callable[[Callable[_P, _R]], Callable[_P, _R]]:
-    """Check the result that a function draws and its keywords, some of which matplotlib takes."""
+    """Check what a function draws and its keywords, some for matplotlib; complete its docstring."""
     takers = artists or (Line2D,)
     setters = {name[4:] for one in takers for name in dir(one) if name[:4] == "set_"}
     theirs = setters.union(*(signature(one).parameters for one in to)) - {"args", "kwargs", "self"}
 
     def decorate(draw: Callable[_P, _R]) -> Callable[_P, _R]:
+        share_texts(draw, _ARGUMENTS)
         own = signature(draw).parameters
+        first = next(iter(own))
         passed_on = any(one.kind is one.VAR_KEYWORD for one in own.values())
         known = [*own, *(theirs if passed_on else ())]
         nor = f", nor has {' and '.join(one.__name__ for one in takers)} of matplotlib"
@@ -45,8 +74,8 @@ def draws(
                         f"{draw.__name__} has no argument {name!r}{nor if passed_on else ''}"
                         f"{close_to(name, known)}"
                     )
-            if "result" in own and (args or "result" in given):
-                with_samples(args[0] if args else given["result"])
+            if first in _DRAWN and (args or first in given):
+                drawable(first, args[0] if args else given[first], *_DRAWN[first])
             return draw(*args, **given)
 
         return checked

@@ -17,13 +17,15 @@ Indices = int | Sequence[int]
 Pulleys = int | str | Sequence[int | str]
 
 
-def with_samples(result: object) -> Result:
-    """Check that this is a result with samples."""
-    if not isinstance(result, Result):
-        raise TypeError(f"result must be a Result, got {type(result).__name__}")
-    if result.t.size == 0:
+def drawable(name: str, value: object, cls: type, made_by: str) -> None:
+    """Check that this is of a class; a result must have samples."""
+    if not isinstance(value, cls):
+        raise TypeError(
+            f"{name} must be a {cls.__name__}, got {type(value).__name__}: draw what "
+            f"bd.{made_by} returns"
+        )
+    if isinstance(value, Result) and value.t.size == 0:
         raise ValueError("result must hold at least one sample to be drawn")
-    return result
 
 
 def sample(result: Result, t: float | None) -> int:

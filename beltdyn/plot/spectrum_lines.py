@@ -63,14 +63,12 @@ def spectrum(
         marks: Whether to mark the belt passing and link passing frequencies and name the lines.
         count: How many of the largest lines to name, none below 2 % of the largest.
         up_to: Highest frequency shown [Hz]; None: just beyond the link passing and all lines named.
-        ax: Axes to draw into; None: those of a new figure.
         span: For "span_tension": a span by its name, or by name or index of the pulley before it.
             Left out, as the ones below: what fluctuates most.
         pulley: For outputs of pulleys, by name or index.
         joint: For outputs of joints.
         link: For outputs of belt and contact.
         mount: For outputs of mounts, by the name of the pulley or by index.
-        **line: For matplotlib's ``plot``.
 
     Raises:
         ImportError: SciPy is not there.
@@ -196,12 +194,7 @@ def campbell(
         up_to: Highest frequency shown [Hz]; None: that of the highest of ``orders``.
         limits: Ends of the logarithmic colour scale, in the unit of the output; None: two decades
             down from the largest amplitude shown.
-        ax: Axes to draw into; None: those of a new figure.
-        span: As in :func:`spectrum`.
-        pulley: As in :func:`spectrum`.
-        joint: As in :func:`spectrum`.
-        link: As in :func:`spectrum`.
-        mount: As in :func:`spectrum`.
+        span, pulley, joint, link, mount: As in :func:`spectrum`.
 
     Raises:
         ImportError: SciPy is not there.

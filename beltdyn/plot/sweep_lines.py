@@ -59,12 +59,8 @@ def lines(
     run is a line. Runs at random or in a list are points, as what else varies differs between them.
 
     Args:
-        dataset: The result of ``bd.sweep``.
-        quantity: Name of a variable of numbers in it.
         x: Name along the x axis; None: "time" if the quantity has it, else the first that is left.
         by: What lines are told apart by; None: what is left, if anything.
-        at: The values of all other dimensions, such as ``{"pulley": "alternator"}``.
-        ax: Axes to draw into; None: those of a new figure.
         **line: For matplotlib's ``plot``.
 
     Raises:

@@ -42,14 +42,10 @@ def map(
     row or column.
 
     Args:
-        dataset: The result of ``bd.sweep``.
-        quantity: Name of a variable of numbers in it.
         x: Name along the x axis; None: the first that is left, of two.
         y: Along the y axis; None: the other.
-        at: The values of all other dimensions, such as ``{"pulley": "alternator"}``.
         contours: How many lines at most, at round values; or these values; 0: none. Points have
             none.
-        ax: Axes to draw into; None: those of a new figure.
         **mesh: For matplotlib's ``pcolormesh``, of points for ``scatter``: ``cmap``, ``norm``.
 
     Raises:
