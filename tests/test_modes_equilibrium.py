@@ -18,8 +18,7 @@ from test_modes import dense_jacobian
 
 import beltdyn as bd
 from beltdyn.vibration.equilibrium import imbalance
-from beltdyn.vibration.linearised import linearise
-from beltdyn.vibration.torque_slopes import torque_slopes
+from beltdyn.vibration.linearised import linearise, torque_slopes
 
 
 def fan_drive(n: int) -> bd.Params:

@@ -42,13 +42,20 @@ except ImportError:
     ) from None
 
 from .animation import Animation, animate
-from .belt import drive, force_along_belt
-from .belt_line import arcs, tension_along
+from .belt import drive, force_along_belt, overview, tension_along
 from .contact import contact_forces, friction_coefficient, relative_velocity
-from .history import energy, joint_deformation, joint_force, span_tensions, speeds, torques, travel
+from .history import (
+    arcs,
+    energy,
+    joint_deformation,
+    joint_force,
+    span_tensions,
+    speeds,
+    torques,
+    travel,
+)
 from .layout import layout
 from .mode_shapes import animate_mode, frequency_response, mode
-from .overview import overview
 from .spectrum_lines import campbell, spectrum
 from .sweep_lines import lines
 from .sweep_map import map

@@ -72,14 +72,7 @@ def animate(
         duration: Duration of the animation [s].
         fps: Frames per second. A frame of a GIF lasts whole hundredths of a second, so 10, 20, 25
             and 50 are exact.
-        colour: What colours the belt, as in :func:`drive`; the scale is one for the whole run.
         panel: What to draw below the drive over time: "tensions", "speeds" or None.
-        arcs: Whether to mark where the belt sticks and where it slips.
-        links: Links to highlight: an index, a sequence of them, {name: index} or None; one makes
-            the motion of the belt visible. Of an ALE belt marks that go with it, in the middle of
-            these cells at first.
-        limits: Ends of the colour scale; None: the extremes of the run for the tension, the kinetic
-            coefficient, to either side, for friction.
     """
     seconds, rate = positive("duration", duration, "s"), positive("fps", fps, "1/s")
     choice("panel", panel, (*_PANELS, None))

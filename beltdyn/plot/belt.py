@@ -1,21 +1,26 @@
-"""The belt at one time: forces along it, and the drive to scale."""
+"""Forces along the belt, the drive to scale at one time; these and histories as a figure."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..base.checks import integer
 from ..outputs.quantity import QUANTITIES
 from ..result.result import Result
 from . import style
+from .history import span_tensions, speeds
 from .labels import rows_of_names
-from .panel import draws
+from .panel import draws, lines
 from .picture import DrivePicture
 from .select import Indices, runs, sample
+
+#: Places to a link: joints are met where they are, and between them forces are interpolated.
+_PER_LINK = 4
 
 
 @draws()
@@ -81,6 +86,53 @@ def _shade_wraps(ax: Axes, result: Result, row: int, first: int) -> None:
 
 
 @draws()
+def tension_along(
+    result: Result,
+    t: float | Iterable[float] | None = None,
+    *,
+    ax: Axes | None = None,
+    **line: Any,
+) -> Axes:
+    """Draw the tension along the belt line, in places fixed in space, at some times.
+
+    Places are counted from where the belt leaves pulley 0, in the sense in which its links are
+    numbered; the wraps on the pulleys are shaded and named. A belt that runs in that sense is drawn
+    from left to right. Where the tension changes on a wrap, friction carries torque; it is constant
+    where the belt sticks and has not stretched since it arrived.
+
+    Args:
+        t: Times [s], of each the nearest sample; None: the last.
+        **line: For matplotlib's ``plot``. A ``label`` stands before the times if there are several.
+
+    Raises:
+        AttributeError: ``joints.force`` or ``belt`` was not asked for.
+    """
+    times = list(t) if isinstance(t, Iterable) and not isinstance(t, str) else [t]
+    if not times:
+        raise ValueError("t must hold at least one time, got none")
+    rows = [sample(result, one) for one in times]
+    n_s = _PER_LINK * result.params.n_bodies
+    places = np.linspace(0.0, result.params.route.length, n_s + 1)
+    found = result._along("joints.force", places, rows)
+    ax = style.axes(ax)
+    first = not ax.lines
+    curves = [
+        (k, f"t = {result.t[row]:.4g} s", found.s, found.values[k]) for k, row in enumerate(rows)
+    ]
+    lines(ax, curves, line)
+    force = QUANTITIES["joints.force"].axis(short="tension")
+    style.dress(ax, "place along the belt line [m]", force)
+    ax.set_xlim(0.0, found.length)
+    if first:
+        for begin, end in found.wraps:
+            ax.axvspan(begin, end, color="0.93", lw=0.0, zorder=0.5)
+        names = [style.plain(name) for name in result.pulleys.names]
+        rows_of_names(ax, found.wraps.mean(axis=1), names)
+    style.legend(ax)  # a title would stand among the names of the pulleys
+    return ax
+
+
+@draws()
 def drive(
     result: Result,
     t: float | None = None,
@@ -96,15 +148,6 @@ def drive(
 
     Pulleys carry their name or number, beside them if they are small, a mark that turns with them
     and, while they turn, an arrow.
-
-    Args:
-        colour: What colours the belt: "tension" (of a link, the mean of the joints at its ends),
-            "friction" (mu; grey off the pulleys) or None.
-        arcs: Whether to mark, within the rims, where the belt sticks and where it slips; not
-            for a drive without friction.
-        links: Links to highlight: an index, a sequence of them, or {name: index}; or cells.
-        limits: Ends of the colour scale; None: least and largest tension at this time, or the
-            kinetic coefficient, to either side, for friction.
     """
     row = sample(result, t)
     rows = slice(row, row + 1)
@@ -115,3 +158,29 @@ def drive(
     picture.move(row)
     picture.add_legend(ax)
     return ax
+
+
+@draws()
+def overview(result: Result, *, t: float | None = None, fig: Figure | None = None) -> Figure:
+    """Draw pulley speeds, span tensions, the forces along the belt and the drive to scale.
+
+    Args:
+        t: Time of the lower two panels [s], the nearest sample; None: the last.
+        fig: Figure to draw into; None: a new one.
+    """
+    time = result.t[sample(result, t)]
+    figure = style.new_figure(10.0, 7.0, dpi=150) if fig is None else fig
+    grid = figure.add_gridspec(2, 2, height_ratios=[1.0, 1.3])
+    upper = [figure.add_subplot(grid[0, k]) for k in range(2)]
+    # Grids of their own: the room below the drive, for its legend, is not taken from the other.
+    lower = [figure.add_subplot(grid[1, k].subgridspec(1, 1)[0]) for k in range(2)]
+    of_belt, of_drive = (f"{what} at t = {time:.4g} s" for what in ("Along the belt", "The drive"))
+    titles = ("Pulley speeds", "Span tensions", of_belt, of_drive)
+    for ax, title in zip(upper + lower, titles, strict=True):
+        ax.set_title(title)
+    force_along_belt(result, time, ax=lower[0]).set_title(of_belt)
+    drive(result, time, ax=lower[1]).set_title(of_drive)
+    # Last, when it is known how much room is left for their legends.
+    speeds(result, ax=upper[0])
+    span_tensions(result, ax=upper[1])
+    return figure

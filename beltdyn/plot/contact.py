@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
-from .panel import draws, panel
-from .select import Indices, choice, indices
+from .panel import draws, numbered, panel
+from .select import Indices, choice
 
 _FORCES = ("normal", "friction")
 
@@ -35,7 +35,7 @@ def contact_forces(
     Args:
         which: "normal", "friction" or both.
     """
-    chosen = indices("link", link, result.params.n_bodies)
+    links = numbered(result, "link", link)
     forces = [which] if isinstance(which, str) else which
     if not isinstance(forces, Sequence):
         raise TypeError(f"which must be a str or a sequence of them, got {which!r}")
@@ -44,8 +44,9 @@ def contact_forces(
     for word in forces:
         choice("which", word, _FORCES)
     curves = [
-        (n, f"{force}, {_what(result)} {k}", result.t, getattr(result.contact, force)[:, k])
-        for n, (k, force) in enumerate((k, force) for k in chosen for force in forces)
+        (n * len(forces) + m, f"{force}, {name}", result.t, getattr(result.contact, force)[:, k])
+        for n, k, name in links
+        for m, force in enumerate(forces)
     ]
     return panel(ax, curves, line, y=QUANTITIES["contact.normal"].axis(short="contact force"))
 
@@ -93,7 +94,7 @@ def _in_contact(
 ) -> Axes:
     row, curves = QUANTITIES[quantity], []
     values: Array = getattr(result.contact, row.field)
-    for n, k in enumerate(indices("link", link, result.params.n_bodies)):
+    for n, k, name in numbered(result, "link", link):
         touches = result.contact.pulley[:, k] >= 0
         at = result.t if against == "time" else 1e3 * result.contact.slip[:, k]
         y = np.where(touches, values[:, k], np.nan)
@@ -101,14 +102,10 @@ def _in_contact(
             at = np.where(touches, at, np.nan)
         flows = result.params._belt_facts["flows"]
         anew = np.zeros(0, dtype=np.intp) if flows else _begun_anew(result, k)
-        name = f"{_what(result)} {k}" + ("" if touches.any() else " (no contact)")
+        name += "" if touches.any() else " (no contact)"
         curves.append((n, name, np.insert(at, anew, np.nan), np.insert(y, anew, np.nan)))
     x = TIME.axis() if against == "time" else QUANTITIES["contact.slip"].axis("mm")
     return panel(ax, curves, given, x, row.axis())
-
-
-def _what(result: Result) -> str:
-    return "cell" if result.params._belt_facts["flows"] else "link"
 
 
 def _begun_anew(result: Result, k: int) -> NDArray[np.intp]:

@@ -1,4 +1,4 @@
-"""Speeds, torques, tensions, joints, travel of mounts and energy over time."""
+"""Speeds, torques, tensions, joints, travel of mounts, arcs of contact and energy over time."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Patch
 
 from ..base.naming import span_names
 from ..outputs.quantity import QUANTITIES, SPANS, TIME
 from ..result.result import Result
 from . import style
-from .panel import draws, named_pulleys, over_time, panel
-from .select import Indices, Pulleys, indices
+from .panel import draws, lines, named_pulleys, numbered, over_time, panel
+from .select import Indices, Pulleys
 
 _LOSSES = (
     ("friction_loss", "friction"),
@@ -62,7 +63,7 @@ def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axe
 @draws()
 def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any) -> Axes:
     """Draw the force along joints (2.2) over time: Figs 8b and 15 of the paper."""
-    return over_time(result, "joints.force", _joints(result, joint), ax, line)
+    return over_time(result, "joints.force", numbered(result, "joint", joint), ax, line)
 
 
 @draws()
@@ -70,15 +71,8 @@ def joint_deformation(
     result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any
 ) -> Axes:
     """Draw the stretch of joints (2.2) over time, in mm: Fig. 8a of the paper."""
-    columns = _joints(result, joint)
+    columns = numbered(result, "joint", joint)
     return over_time(result, "joints.deformation", columns, ax, line, (1e3, "mm"))
-
-
-def _joints(result: Result, joint: Indices) -> list[tuple[int, int, str]]:
-    """Return style, number and name of each joint asked for, in the order of the styles."""
-    what = "cell" if result.params._belt_facts["flows"] else "joint"
-    which = indices("joint", joint, result.params.n_bodies)
-    return [(n, k, f"{what} {k}") for n, k in enumerate(which)]
 
 
 @draws()
@@ -105,6 +99,31 @@ def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
         label = name if len(units) == 1 else f"{name} [{unit}]"
         curves.append((k, label, result.t, factor * result.mounts.travel[:, m]))
     return panel(ax, curves, line, y=f"travel from the drawn place [{', '.join(units)}]")
+
+
+@draws()
+def arcs(
+    result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
+) -> Axes:
+    """Draw the arcs of contact over time in degrees, and what of them slips, shaded.
+
+    Where the shade reaches the line, the whole wrap slips and friction can carry no more; between
+    the two the belt sticks. A link slips from 95 % of full friction on (:class:`beltdyn.Arcs`).
+
+    Raises:
+        AttributeError: An output that :attr:`beltdyn.Result.arcs` needs was not asked for.
+    """
+    found = result.arcs
+    columns, wrap = named_pulleys(result, pulleys), np.degrees(found.wrap)
+    ax = style.axes(ax)
+    lines(ax, [(k, name, result.t, wrap[:, k]) for k, _, name in columns], line)
+    for (k, *_), drawn in zip(columns, ax.lines[-len(columns) :], strict=True):
+        slip = np.degrees(found.slip[:, k])
+        ax.fill_between(result.t, slip, color=drawn.get_color(), alpha=0.25, lw=0.0)
+    style.dress(ax, TIME.axis(), "arc [deg]")
+    ax.set_ylim(bottom=0.0)
+    style.legend(ax, handles=[*ax.lines, Patch(color="0.75", label="shaded: slips")])
+    return ax
 
 
 @draws()

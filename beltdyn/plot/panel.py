@@ -16,7 +16,7 @@ from ..outputs.quantity import QUANTITIES, TIME
 from ..result.result import Result
 from ..vibration import FrequencyResponse, Modes
 from . import style
-from .select import Pulleys, drawable, pulley_indices
+from .select import Indices, Pulleys, drawable, indices, pulley_indices
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -34,6 +34,15 @@ _ARGUMENTS = {
     "pulleys": "A pulley or several, by index or name; None: all.",
     "link": "Index or indices of links, from 0.",
     "joint": "Index or indices of joints, from 0; joint i is on the left of link i.",
+    "colour": 'What colours the belt: "tension" (of a link, the mean of the joints at its ends), '
+    '"friction" (mu; grey off the pulleys) or None.',
+    "arcs": "Whether to mark, within the rims, where the belt sticks and where it slips; not for a "
+    "drive without friction.",
+    "links": "Links to highlight: an index, a sequence of them, {name: index} or None. One makes "
+    "the motion of the belt visible; of an ALE belt it is a mark that goes with it, in the middle "
+    "of this cell at first.",
+    "limits": "Ends of the colour scale; None: least and largest tension of all that is shown, or "
+    "the kinetic coefficient, to either side, for friction.",
     "slip_from": "A link counts as slipping from this share of full friction on, in (0, 1]; with a "
     "Stribeck curve that at its slip velocity.",
     "modes": "From :func:`beltdyn.modes`.",
@@ -65,15 +74,14 @@ def draws(
         passed_on = any(one.kind is one.VAR_KEYWORD for one in own.values())
         known = [*own, *(theirs if passed_on else ())]
         nor = f", nor has {' and '.join(one.__name__ for one in takers)} of matplotlib"
+        nor = nor if passed_on else ""
 
         @wraps(draw)
         def checked(*args: _P.args, **given: _P.kwargs) -> _R:
             for name in given:
                 if name not in known:
-                    raise TypeError(
-                        f"{draw.__name__} has no argument {name!r}{nor if passed_on else ''}"
-                        f"{close_to(name, known)}"
-                    )
+                    hint = close_to(name, known) or f"; it takes {', '.join(own)}"
+                    raise TypeError(f"{draw.__name__} has no argument {name!r}{nor}{hint}")
             if first in _DRAWN and (args or first in given):
                 drawable(first, args[0] if args else given[first], *_DRAWN[first])
             return draw(*args, **given)
@@ -143,3 +151,10 @@ def named_pulleys(result: Result, pulleys: Pulleys | None) -> list[tuple[int, in
     """Return style, index and name of each pulley asked for, the same style in every figure."""
     names = result.pulleys.names
     return [(k, k, style.plain(names[k])) for k in pulley_indices(pulleys, names)]
+
+
+def numbered(result: Result, what: str, which: Indices) -> list[tuple[int, int, str]]:
+    """Return style, index and name of each "link" or "joint" asked for; ALE belts have cells."""
+    word = "cell" if result.params._belt_facts["flows"] else what
+    chosen = indices(what, which, result.params.n_bodies)
+    return [(n, k, f"{word} {k}") for n, k in enumerate(chosen)]

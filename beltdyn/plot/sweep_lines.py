@@ -96,7 +96,8 @@ def lines(
     ]
     found = swept.failures(part, quantity)
     marks = [
-        Line2D([], [], color="0.3", label=text, **_mark(name)) for name, (_, text) in found.items()
+        Line2D([], [], color="0.3", label=text, **swept.mark(name))
+        for name, (_, text) in found.items()
     ]
     if marks and not handles:
         style.legend_below(ax, marks)
@@ -211,10 +212,6 @@ def _colour_bar(ax: Axes, told: swept.Scale, colours: ScalarMappable) -> None:
 # --- runs without a value ------------------------------------------------------------------------
 
 
-def _mark(status: str) -> dict[str, Any]:
-    return {"linestyle": "none", "marker": swept.FAILED_LOOKS[status][1], "markersize": 5.0}
-
-
 def _marks(ax: Axes, absent: Mapping[str, Any], drawn: list[_Line], colour_of: Any) -> None:
     """Mark runs without a value, by status, at the foot of the axes in a row for each line."""
     lacking = [line for line in drawn if any(line.of(where).any() for where in absent.values())]
@@ -230,6 +227,6 @@ def _marks(ax: Axes, absent: Mapping[str, Any], drawn: list[_Line], colour_of: A
             height = np.full(np.count_nonzero(there), row * (k % rows + 0.6))
             colour = colour_of(line.rank)
             colour = colour[there] if np.ndim(colour) == 2 else colour
-            look = _mark(name) | {"transform": ax.get_xaxis_transform()}
+            look = swept.mark(name) | {"transform": ax.get_xaxis_transform()}
             _plot(ax, line.x[there], height, colour, look, {})
     style.leave_free(ax, row * (rows + 1), above=False)

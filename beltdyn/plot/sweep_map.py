@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PatchCollection, PathCollection, QuadMesh
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
@@ -15,11 +16,13 @@ from matplotlib.patheffects import withStroke
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 
-from ..base.checks import integer, real_array
+from ..base.checks import Array, integer, real_array
 from . import style, swept
 from .panel import draws
 
 _FAILED_FACE, _FAILED_EDGE = "0.93", "0.45"
+#: Marks runs of a status, where they are; returns their handle in the legend, with a text.
+_Mark = Callable[[str, Any, str], Artist]
 
 
 @draws(QuadMesh, PathCollection, to=(Axes.pcolormesh, Axes.scatter))
@@ -63,11 +66,13 @@ def map(
     scales = [swept.scale_of(part, name) for name in (along, up)]
     for which, scale in zip("xy", scales, strict=True):
         scale.apply(ax, which)
-    if points:
-        handles = _points(ax, part, quantity, scales, mesh)
-    else:  # as rows of y and columns of x, both rising
+    if not points:  # as rows of y and columns of x, both rising
         part = part.isel({one.name: one.order for one in scales}).transpose(up, along)
-        handles = _cells(ax, part, quantity, scales, mesh)
+    drawn, mark = (_points if points else _cells)(ax, part[quantity].values, scales, mesh)
+    if np.isfinite(part[quantity].values).any():
+        ax.figure.colorbar(drawn, ax=ax, label=swept.label(part[quantity]))
+    failures = swept.failures(part, quantity).items()
+    handles = [mark(name, found.values, text) for name, (found, text) in failures]
     style.dress(ax, scales[0].label, scales[1].label)
     ax.grid(points)
     if handles:
@@ -105,60 +110,46 @@ def _two(part: Any, quantity: str, x: object, y: object, points: bool) -> tuple[
 
 
 def _cells(
-    ax: Axes, part: Any, quantity: str, scales: list[swept.Scale], given: dict[str, Any]
-) -> list[Artist]:
-    """Draw a grid; return the handles of the legend."""
-    values = part[quantity].values
+    ax: Axes, values: Array, scales: list[swept.Scale], given: dict[str, Any]
+) -> tuple[ScalarMappable, _Mark]:
+    """Draw a grid; return it, and what hatches cells of failed runs."""
     edges = [one.edges() for one in scales]
     look: dict[str, Any] = {"cmap": "viridis", "rasterized": values.size > 2000} | given
-    mesh = ax.pcolormesh(*edges, np.ma.masked_invalid(values), **look)
-    if np.isfinite(values).any():
-        ax.figure.colorbar(mesh, ax=ax, label=swept.label(part[quantity]))
-    handles: list[Artist] = []
-    for name, (found, text) in swept.failures(part, quantity).items():
+    drawn = ax.pcolormesh(*edges, np.ma.masked_invalid(values), **look)
+    (left, bottom), (width, height) = [one[:-1] for one in edges], [np.diff(one) for one in edges]
+
+    def hatch(status: str, where: Any, text: str) -> Artist:
         face: dict[str, Any] = {
             "facecolor": _FAILED_FACE,
             "edgecolor": _FAILED_EDGE,
-            "hatch": swept.FAILED_LOOKS[name][0] or None,
+            "hatch": swept.FAILED_LOOKS[status][0] or None,
             "linewidth": 0.4,
         }
         cells = [
-            Rectangle(
-                (edges[0][i], edges[1][j]),
-                edges[0][i + 1] - edges[0][i],
-                edges[1][j + 1] - edges[1][j],
-            )
-            for j, i in np.argwhere(found.values)
+            Rectangle((left[i], bottom[j]), width[i], height[j]) for j, i in np.argwhere(where)
         ]
         ax.add_collection(PatchCollection(cells, **face), autolim=False)
-        handles.append(Patch(label=text, **face))
-    return handles
+        return Patch(label=text, **face)
+
+    return drawn, hatch
 
 
 def _points(
-    ax: Axes, part: Any, quantity: str, scales: list[swept.Scale], given: dict[str, Any]
-) -> list[Artist]:
-    """Draw runs as points; return the handles of the legend."""
+    ax: Axes, values: Array, scales: list[swept.Scale], given: dict[str, Any]
+) -> tuple[ScalarMappable, _Mark]:
+    """Draw runs as points; return them, and what marks failed ones."""
     x, y = (scale.places for scale in scales)
-    values = part[quantity].values
     good = np.isfinite(values)
     size = float(np.clip(4000.0 / max(values.size, 1), 6.0, 36.0))
     look: dict[str, Any] = {"cmap": "viridis", "s": size, "linewidths": 0.0, "zorder": 2} | given
     drawn = ax.scatter(x[good], y[good], c=values[good], **look)
-    if good.any():
-        ax.figure.colorbar(drawn, ax=ax, label=swept.label(part[quantity]))
-    handles: list[Artist] = []
-    for name, (found, text) in swept.failures(part, quantity).items():
-        where = found.values
-        cross: dict[str, Any] = {
-            "linestyle": "none",
-            "marker": swept.FAILED_LOOKS[name][1],
-            "color": style.COLOURS[1],
-            "markersize": 5.0,
-        }
-        ax.plot(x[where], y[where], **cross)
-        handles.append(Line2D([], [], label=text, **cross))
-    return handles
+
+    def cross(status: str, where: Any, text: str) -> Artist:
+        look = swept.mark(status) | {"color": style.COLOURS[1]}
+        ax.plot(x[where], y[where], **look)
+        return Line2D([], [], label=text, **look)
+
+    return drawn, cross
 
 
 def _contours(ax: Axes, values: Any, scales: list[swept.Scale], asked: Any) -> None:

@@ -225,6 +225,11 @@ def _geometric(values: Array) -> bool:
 # --- failures ------------------------------------------------------------------------------------
 
 
+def mark(status: str) -> dict[str, Any]:
+    """Return the look of a failed run as a point."""
+    return {"linestyle": "none", "marker": FAILED_LOOKS[status][1], "markersize": 5.0}
+
+
 def failures(part: Any, quantity: str) -> dict[str, tuple[Any, str]]:
     """Find the runs without a value: by status where they are, and a text that counts them."""
     status, array = part["status"], part[quantity]

@@ -18,9 +18,8 @@ from ..drive.params import Params
 from ..loads.torques import PiecewiseLinear, TorqueLike
 from ..outputs.state import State
 from ..result.errors import SimulationError
-from .linearised import masses, passing_of
+from .linearised import masses, passing_of, torques_at
 from .mesh_phases import after, at_their_speeds
-from .torque_slopes import torques_at
 
 #: Of the run over a passing.
 RTOL = 1e-5

@@ -18,7 +18,7 @@ an ALE belt, of which a is 0 and J is all.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -32,6 +32,7 @@ from ..base.optional import scipy_module
 from ..drive import cells
 from ..drive.params import Params
 from ..drive.route import route_at
+from ..loads.torques import TorqueLike, as_terms
 from ..outputs.spans import has_angles
 from ..outputs.state import State
 
@@ -43,6 +44,8 @@ _SPEEDS = [name for name, _, unit, _ in _core.STATE_FIELDS if "/s" in unit]
 #: Of which each link, or each state of friction of a link, has one.
 LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
 _SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
+#: Steps of the differences: of angles [rad]; of speeds [rad/s] and against the speed.
+_ANGLE, _SPEED, _RELATIVE = 1e-5, 1e-4, 1e-4
 #: Weights of neighbours in the derivative by the number of a link: second order against the run,
 #: and fourth order.
 BEHIND = {0: 1.5, -1: -2.0, -2: 0.5}
@@ -143,6 +146,21 @@ class Linear:
         sparse, _ = scipy_sparse()
         size = self.norms(rate)
         return size, (sparse.diags(1.0 / size) @ self.matrix @ sparse.diags(size)).tocsc()
+
+    def solver(self, rate: float) -> tuple[Array, Any, Callable[..., Any]]:
+        """Return the sizes of the unknowns, i w - J in them, and what solves by it, refined."""
+        sparse, linalg = scipy_sparse()
+        size, scaled = self.scaled(rate)
+        matrix = (1j * rate * sparse.identity(self.size) - scaled).tocsc()
+        lu = linalg.splu(matrix)
+
+        def solve(b: Any, times: int = 1) -> Any:
+            x = lu.solve(np.asarray(b, dtype=complex))
+            for _ in range(times):
+                x += lu.solve(b - matrix @ x)
+            return x
+
+        return size, matrix, solve
 
     def displaced(self, eta: Array) -> dict[str, Any]:
         """Return the state moved by a small eta (n,), as the core takes it; friction as it was.
@@ -313,3 +331,37 @@ def derivative(
                 columns.append(column)
                 values.append(value)
     return scipy_sparse()[0].csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))
+
+
+def torques_at(params: Params, core: Mapping[str, Any], torque: TorqueLike) -> Array:
+    """Return the set torques at a state (n_p,) [N m], as the core evaluates them in a run."""
+    now, terms = float(core["t"]), as_terms(torque, params.pulley_names)
+    found, _ = params._model.torques(terms, (), now, now, core["theta"], core["omega"])
+    return found
+
+
+def torque_slopes(params: Params, state: State, torque: TorqueLike) -> tuple[Array, Array]:
+    """Return the derivatives of the set torques by angles and by speeds, (n_p, n_p) each.
+
+    By central differences, over steps of 1e-5 rad and of 1e-4 of the speed.
+    """
+    core, each = state._to_core(params), np.eye(len(params.pulleys))
+
+    def slope(name: str, steps: Array) -> Array:
+        ends = [
+            [torques_at(params, {**core, name: core[name] + h * one}, torque) for one in each]
+            for h in (steps, -steps)
+        ]
+        return np.asarray(((np.array(ends[0]) - ends[1]) / (2.0 * steps[:, None])).T)
+
+    speeds = np.maximum(_SPEED, _RELATIVE * abs(core["omega"]))
+    return slope("theta", np.full(len(each), _ANGLE)), slope("omega", speeds)
+
+
+def balancing(params: Params, core: Mapping[str, Any], prescribed: tuple[int, ...]) -> Array:
+    """Return the torques (n_p,) [N m] that hold the pulleys' speeds, 0 on those prescribed."""
+    n_p = len(params.pulleys)
+    rate = params._model.rate(core, np.zeros(n_p))["omega"]
+    held = -rate * params.shaft_inertias
+    held[list(prescribed)] = 0.0
+    return np.asarray(held)

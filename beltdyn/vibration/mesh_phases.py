@@ -29,8 +29,7 @@ from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, Visc
 from ..outputs.state import State
 from ..run.simulation import simulate
 from .eigenvalues import first_rate
-from .linearised import BEHIND, Linear, derivative, linearise, passing_of, scipy_sparse
-from .torque_slopes import balancing
+from .linearised import BEHIND, Linear, balancing, derivative, linearise, passing_of, scipy_sparse
 
 #: A belt at rest moves by a link in so many periods of its spans; the pulleys that are free are
 #: damped by this share of their inertia and the spans' rate meanwhile.

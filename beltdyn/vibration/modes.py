@@ -17,14 +17,12 @@ from ..loads.torques import TorqueLike
 from ..outputs.state import State
 from . import participation as parts
 from .count import counted
-from .eigenvalues import Found, residuals, search
+from .eigenvalues import STEADY, Found, growing, residuals, search
 from .equilibrium import imbalance
-from .growth import growing
-from .linearised import Complex, Linear, linearise, passing_of
+from .linearised import Complex, Linear, linearise, passing_of, torque_slopes
 from .mesh_phases import linearise_over, states_over
 from .mode_set import Modes, Shapes
-from .torque_slopes import torque_slopes
-from .turning import without_turning
+from .turning import rigid_rates, without_turning
 
 #: Force left over against the tension above which a state is no equilibrium: settled ones leave
 #: 1e-9, steady runs at their tolerance up to 5e-3. Residual above which an eigenvector is no mode.
@@ -35,10 +33,8 @@ BODIES = 0.3
 UNSTABLE = 1e-3
 #: Damping ratio above which modes of a running belt are left out.
 DAMPED = 0.25
-#: Share of the kinetic energy of a mode that is in its mean over the phases of the mesh, below
-#: which it is another one's with the passing of the links added; modes more that are sought at
-#: another phase, and likeness (0 to 1) from which on one is the same.
-STEADY, MORE, ALIKE = 0.5, 3, 0.3
+#: Modes more that are sought at another phase, and likeness (0 to 1) from which on one is the same.
+MORE, ALIKE = 3, 0.3
 #: Modes more that are sought where they are counted, for a gap between them.
 SPARE = 4
 
@@ -118,8 +114,10 @@ def modes(
     linear = linear_drive(params, state, torque, motion, phases=phases)
     most = (1.0 if linear.speed == 0.0 else DAMPED) if least is None else least
     found, still, band, turning, left_out = _lowest(linear, n, most, count)
-    grows, away, complete = growing(linear, band, found)
-    turning = away if turning is None else turning
+    grows, complete = growing(linear, band, found)
+    if min(rigid_rates(linear)) >= 0.0:  # what makes the drive turn away is then the mesh alone
+        grows, away = without_turning(linear, grows)
+        turning = away if turning is None else turning
     if not complete:
         _warn("modes_missing: not all eigenvalues of growing motions have converged")
     shares = parts.participation(linear, found.vectors)

@@ -19,7 +19,7 @@ from ..drive.params import Params
 from ..loads.torques import TorqueLike
 from ..outputs.spans import span_tension
 from ..outputs.state import State
-from .linearised import Complex, Linear, scipy_sparse
+from .linearised import Complex, Linear
 from .modes import check_drive, linear_drive
 from .participation import moves
 from .turning import mesh_stiffness
@@ -213,23 +213,18 @@ def _solve(
 
     That term of rank one is added by Sherman and Morrison's formula.
     """
-    sparse, linalg = scipy_sparse()
     inertia = linear.params.shaft_inertias
     rows = linear.rows("omega")
     out, left = np.empty((linear.size, rates.size), complex), np.empty(rates.size)
     for f, w in enumerate(rates):
-        size, scaled = linear.scaled(w)
+        size, matrix, solve = linear.solver(w)
         b = linear.given[0] @ motions + linear.given[1] @ (1j * w * motions)
         b[rows] += (torques / inertia)[linear.index[rows]]
         b /= size
-        matrix = (1j * w * sparse.identity(linear.size) - scaled).tocsc()
-        lu = linalg.splu(matrix)
-        x = lu.solve(b)
-        x += lu.solve(b - matrix @ x)
+        x = solve(b)
         if mesh is not None:
             by, on = mesh[2] * mesh[0] / size, mesh[1] * size
-            turned = lu.solve(by.astype(complex))
-            turned += lu.solve(by - matrix @ turned)
+            turned = solve(by)
             x += turned * (on @ x) / (1.0 - on @ turned)
             b = b + by * (on @ x)
         left[f] = np.linalg.norm(matrix @ x - b) / np.linalg.norm(b)

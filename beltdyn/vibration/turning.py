@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.checks import Array
 from .eigenvalues import Found, first_rate
-from .linearised import Complex, Linear, masses, scipy_sparse
+from .linearised import Complex, Linear, masses
 from .participation import weighted
 
 #: Share of a mode's kinetic energy in the drive turning as a whole, from which on it is that.
@@ -93,7 +93,6 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float] | None:
     that is given, 1 over the static displacement along t by a force M t / (t^T M t), less what set
     torques make of it: J + k ``by`` ``on``^T is the drive without.
     """
-    sparse, linalg = scipy_sparse()
     turn = rigid_turning(linear)
     fast = np.isin(linear.names, ["vx", "vy", "vphi", "omega", "rim_speed"])
     by = np.where(fast, turn, 0.0)
@@ -103,13 +102,8 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float] | None:
     on = np.where(fast, 0.0, turn * carried)
     on /= on @ turn
     rate = SLOW * first_rate(linear.params)
-    size, scaled = linear.scaled(rate)
-    matrix = (1j * rate * sparse.identity(linear.size) - scaled).tocsc()
-    lu, force = linalg.splu(matrix), (by / size).astype(complex)
-    x = lu.solve(force)
-    for _ in range(2):
-        x += lu.solve(force - matrix @ x)
-    moved = complex((on * size) @ x)
+    size, _, solve = linear.solver(rate)
+    moved = complex((on * size) @ solve(by / size, 2))
     if abs(moved.imag) > LOSSY * abs(moved.real):
         return None
     return by, on, 1.0 / moved.real + rate**2 - rigid_rates(linear)[0]
