@@ -5,6 +5,7 @@ measured, labelled, refused, and what happens to runs that fail.
 from __future__ import annotations
 
 import json
+import sys
 from typing import Any
 
 import attrs
@@ -435,6 +436,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
 
 def test_what_is_wrong_is_refused_before_anything_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Dispatch, "all", None)
+    monkeypatch.setitem(sys.modules, "xarray", None)  # nor is it named first that this is missing
     rows = [({"over": over}, words) for over, words in BAD_NAMES] + BAD_ARGUMENTS
     other = {"initial": bd.settle(plain().params), "over": {"torque.scale": [1.0]}}
     rows.append((other, "initial.x must have shape"))
@@ -442,6 +444,8 @@ def test_what_is_wrong_is_refused_before_anything_runs(monkeypatch: pytest.Monke
         with pytest.raises((TypeError, ValueError)) as error:
             run(**{"scene": small(), "over": {"belt.length": [1.2]}, **options})
         assert words in str(error.value), options
+    with pytest.raises(ImportError, match="xarray"):
+        run(small(), {"belt.length": [1.2]})
 
 
 def test_torques_times_numbers() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import linecache
 import subprocess
 import sys
 import threading
@@ -170,9 +171,10 @@ class Load:
 
 
 def of_code(text: str) -> Any:
-    """What a script or notebook with this text defines as f."""
-    module = types.ModuleType("__main__")
-    exec(text, module.__dict__)
+    """What a script or notebook with this text, kept as IPython keeps it, defines as f."""
+    module, file = types.ModuleType("__main__"), f"<cell {hash(text)}>"
+    linecache.cache[file] = len(text), None, text.splitlines(keepends=True), file
+    exec(compile(text, file, "exec", dont_inherit=True), module.__dict__)
     return module.__dict__["f"]
 
 
@@ -181,6 +183,10 @@ CALLS = "class B:\n  g = lambda self: {}\nclass G(B):\n  def __call__(self, t): 
 SLOTS = "class G:\n  __slots__ = ('k',)\n  def __call__(self, t): return self.k\nf = G(); f.k = {}"
 ATTRS = (
     "import attrs\n@attrs.frozen\nclass G:\n  k: int\n  def __call__(self, t): return {}\nf = G({})"
+)
+DATA = "import dataclasses\n@dataclasses.dataclass\n" + ATTRS.split("\n", 2)[2]
+TUPLE = ATTRS.replace(
+    "import attrs\n@attrs.frozen\nclass G", "import typing\nclass G(typing.NamedTuple)"
 )
 WRAPS = (
     "import functools\ndef g(t): return t\nclass G:\n"
@@ -215,11 +221,18 @@ DIFFERENT = [
     (WRAPS, "1", "2"),
     ("import numpy as np\nK = np.ma.array([1., 2.], mask={})\nf = lambda t: K", "[0, 0]", "[1, 1]"),
     ("import numpy as np\nK = np.zeros(2, [({}, 'i4')])\nf = lambda t: K", "'a'", "'b'"),
+    ("f = [lambda t: t, lambda t: -t][{}]", "0", "1"),
+    ("class G:\n  def put(self, k): {}\n  k = property(None, put)\n  del put\nf = G()", "1", "2"),
+    ("import numpy, functools\n@functools.wraps(numpy.linalg.norm)\ndef f(t): return {}", "1", "2"),
+    (DATA.format("self.k", "{}"), "1", "2"),
+    (DATA.format("5", "{}"), "2"),
+    (TUPLE.format("self.k", "{}"), "1", "2"),
+    (TUPLE.format("5", "{}"), "2"),
 ]  # fmt: skip
 
 
 def test_what_does_the_same_has_the_same_token() -> None:
-    """Where it stands, what its variables are called, what it does not use, the order of a set."""
+    """Where it stands, what it says in comments, what it does not use, the order of a set."""
     one = of_code("UNUSED = 1\ndef f(time):\n    # why\n    return 2.0 * time")
     assert token(one) == token(of_code("\n\nUNUSED = 2\ndef f(time): return 2.0 * time"))
     sets = {0, 8}, {8, 0}  # which lie in memory as they were put in, as in another process
@@ -238,6 +251,42 @@ def test_what_does_the_same_has_the_same_token() -> None:
     scene = sweep_runs.plain()._replace(torque_fn=sweep_runs.compiled)
     with pytest.raises(ValueError, match="leave store out, or give key="):
         sweep_runs.do(scene, {"t_end": [1e-3]}, store="never made", executor="threads")
+
+
+def test_the_source_is_that_of_the_function(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A module edited after its import gives no key, nor does a function without a source; one
+    moved by an edit is told from what stands in its place.
+    """
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    file, text = tmp_path / "edited_later.py", "def g(t):\n    return 2.0 * t\n"
+    file.write_text(text)
+    importlib.invalidate_caches()
+    function = importlib.import_module("edited_later").g
+    before = token(function)
+    for edited in (text.replace("2.0", "3.0"), f"def h(t): ...\n{text}", "def g(", ""):
+        file.write_text(edited)
+        with pytest.raises(NoKeyError, match=r"as its source (has changed|is not at hand)"):
+            token(function)
+        assert token(function, "a") != token(function, "b")
+    file.write_text(f"{text}\n# and more\n")
+    assert token(function) == before
+    monkeypatch.delitem(sys.modules, "edited_later")
+    made: dict[str, Any] = {}
+    exec("f = lambda t: t", made)
+    with pytest.raises(NoKeyError, match="as its source is not at hand"):
+        token(made["f"])
+
+
+def test_a_key_stands_for_nothing_that_is_known() -> None:
+    """What is used by something unknown is told where it is used again."""
+    text = (
+        "import threading\ndef g(t): return {}\n"
+        "def h(t, lock=threading.Lock()): return g(t)\ndef f(t): return h(t) + g(t)"
+    )
+    assert token(of_code(text.format(1)), "a") != token(of_code(text.format(2)), "a")
 
 
 #: Functions that import `mine`, or `ours.mine`, when they are called.

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import json
 import math
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any
+from typing import Any, ParamSpec
 
 import attrs
 
@@ -35,6 +37,7 @@ from .outcomes import in_text, of_kept, to_kept
 from .points import RUN, Points, as_points
 from .work import Work
 
+_Given = ParamSpec("_Given")
 _LATEST = 1e300  #: Any time is before it [s].
 
 
@@ -58,6 +61,17 @@ class Swept(Cost):
     counts: dict[str, int]  # runs by status
 
 
+def _table_alone(run: Callable[_Given, Any]) -> Callable[_Given, Any]:
+    """Return a sweep that returns its dataset, without its cost."""
+
+    @functools.wraps(run)
+    def table_of(*args: _Given.args, **options: _Given.kwargs) -> Any:
+        return run(*args, **options).dataset
+
+    return table_of
+
+
+@_table_alone
 def sweep(
     scene: Scene | str | os.PathLike[str] | tuple[Any, ...],
     over: Any,
@@ -123,10 +137,10 @@ def sweep(
         store: A folder that keeps all outcomes as the sweep goes (SQLite files). A sweep that was
             killed, or that has got more points, computes only what is missing in it. Runs are known
             by their content and the build of this package, not by the sweep they are from; Python
-            functions by their code, what it encloses, and that of yours which they use. Not seen:
-            the contents of files that they read; give another ``key`` then. Compiled functions, and
-            those that import modules of yours when they are called, are refused without a ``key``.
-            Files have checksums.
+            functions by their source, what they enclose, and what of yours they use. Not seen: the
+            contents of files that they read; give another ``key`` then. Compiled functions, those
+            whose source is not at hand, and those that import modules of yours when they are
+            called, are refused without a ``key``. Files have checksums.
         warm: A name that is swept, in a grid: each run starts from the end of the run with the
             value of this name before, at t = 0, and not from rest (unless that one failed). For
             steady states that change slowly along it.
@@ -155,28 +169,10 @@ def sweep(
         RuntimeError: The executor given takes no more work.
         SweepInterrupted: Ctrl-C; ``.dataset`` holds what was done.
     """
-    given = dict(locals())
-    return run_sweep(**given.pop("options"), **given).dataset
-
-
-def run_sweep(
-    scene: Any,
-    over: Any,
-    measure: Any = None,
-    *,
-    combine: str = "grid",
-    executor: Any = None,
-    store: str | os.PathLike[str] | None = None,
-    warm: str | None = None,
-    last: float = 0.2,
-    progress: bool = True,
-    key: str = "",
-    **options: Any,
-) -> Swept:
-    """Do a sweep, as :func:`sweep`, and return its cost, too."""
-    optional_module("xarray", "beltdyn.sweep", "sweep")
-    file = isinstance(scene, (str, os.PathLike))
-    base = scenes.find(scene) if file else whole_scene(scene, "the name of a scene or a TOML file")
+    if isinstance(scene, (str, os.PathLike)):
+        base = scenes.find(scene)
+    else:
+        base = whole_scene(scene, "the name of a scene or a TOML file")
     points = as_points(over, combine)
     if "t_end" in options and "t_end" not in points.names:
         base = base._replace(t_end=positive("t_end", options.pop("t_end"), "s"))
@@ -196,6 +192,8 @@ def run_sweep(
         bad = len(points.rows) - table.counted["missing"] - table.counted["finished"]
         return f"{bad} without result" if bad else ""
 
+    keys = [] if store is None else _keys(work, points, after, key)
+    optional_module("xarray", "beltdyn.sweep", "sweep")
     try:
         cost = collect(
             work,
@@ -205,7 +203,7 @@ def run_sweep(
             after=after,
             order=lambda runs: _order(work, points, runs),
             store=store,
-            keys=[] if store is None else _keys(work, points, after, key),
+            keys=keys,
             to_kept=to_kept,
             of_kept=of_kept,
             progress=shown,
@@ -220,6 +218,10 @@ def run_sweep(
         dataset=_dataset(work, points, table),
         counts={one: table.counted[one] for one in STATUSES if table.counted[one]},
     )
+
+
+#: Does a sweep, as :func:`sweep`, and returns its cost, too.
+run_sweep: Callable[..., Swept] = inspect.unwrap(sweep)
 
 
 def _keys(work: Work, points: Points, after: Sequence[int], key: str) -> list[str]:
@@ -282,7 +284,9 @@ def _check_options(options: Mapping[str, Any], scene: Scene, points: Points) -> 
     """Check what all runs are given, as far as it does not depend on what is swept."""
     for name in options:
         if name not in (*OPTIONS, "t_end"):
-            hint = close_to(name, [*OPTIONS, "measure", *(run_sweep.__kwdefaults__ or ())])
+            hint = close_to(
+                name, [*OPTIONS, "measure", *inspect.getfullargspec(run_sweep).kwonlyargs]
+            )
             why = ": what is kept follows from measure" if name == "outputs" else ""
             raise TypeError(f"sweep takes no argument {name!r}{hint}{why}")
         if name in points.names:
