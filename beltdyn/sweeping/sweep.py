@@ -192,8 +192,6 @@ def sweep(
         bad = len(points.rows) - table.counted["missing"] - table.counted["finished"]
         return f"{bad} without result" if bad else ""
 
-    keys = [] if store is None else _keys(work, points, after, key)
-    optional_module("xarray", "beltdyn.sweep", "sweep")
     try:
         cost = collect(
             work,
@@ -203,7 +201,7 @@ def sweep(
             after=after,
             order=lambda runs: _order(work, points, runs),
             store=store,
-            keys=keys,
+            keys=[] if store is None else _keys(work, points, after, key),
             to_kept=to_kept,
             of_kept=of_kept,
             progress=shown,
@@ -265,6 +263,7 @@ def _workers(executor: Any, work: Work, points: Points, progress: bool) -> Pool:
             "the torque is a compiled function, known by an address that means nothing in "
             'other processes: give executor="threads"'
         )
+    optional_module("xarray", "beltdyn.sweep", "sweep")  # before any run, after the user's mistakes
     if progress and why and executor is None:
         print(f"sweep: in {pool.text}, because {why}", file=sys.stderr)
     return pool
