@@ -405,6 +405,8 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"measure": []}, "at least one"),
     ({"measure": "stats.stepps"}, "did you mean 'steps'"),
     ({"rtoll": 1e-3}, "did you mean 'rtol'"),
+    ({"tolerance": 1e-3}, "did you mean 'rtol'"),
+    ({"solver": "rk4"}, "did you mean 'method'"),
     ({"measure": {"status": "span_tension.mean"}}, "'status' is the name of something else"),
     ({"measure": {"belt.length": "slip.mean"}}, "'belt.length' is the name of"),
     ({"t_end": -1.0}, "t_end must be > 0"),

@@ -57,9 +57,24 @@ def real_numbers(name: str, value: object, unit: str = "1") -> tuple[float, ...]
     return tuple(real(f"{name}[{k}]", one, unit) for k, one in enumerate(value))
 
 
+#: Of names that other packages have, what they are called here.
+_OTHER_WORDS = {
+    **dict.fromkeys(("tolerance", "tol", "accuracy", "reltol"), ("rtol",)),
+    **dict.fromkeys(("solver", "integrator", "algorithm"), ("method",)),
+    **dict.fromkeys(("dt", "timestep", "time_step", "first_step"), ("step",)),
+    **dict.fromkeys(("torque", "torques", "loads"), ("torque_fn",)),
+    **dict.fromkeys(("duration", "t_stop", "tf", "time"), ("t_end",)),
+    **dict.fromkeys(("motions", "speeds"), ("motion",)),
+    **dict.fromkeys(("links", "n_links", "elements", "cells"), ("n_bodies",)),
+}
+
+
 def close_to(name: str, known: Iterable[str]) -> str:
     """Return " (did you mean ...?)" for a misspelt name, or ""."""
     by_lower = {one.lower(): one for one in known}
+    for meant in _OTHER_WORDS.get(name.lower(), ()):
+        if meant in by_lower:
+            return f" (did you mean {by_lower[meant]!r}?)"
 
     def likeness(one: str) -> float:
         return difflib.SequenceMatcher(None, one, name.lower()).ratio()

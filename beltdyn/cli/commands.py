@@ -11,7 +11,7 @@ import attrs
 import click
 
 from .. import __version__, accuracy, scenes
-from ..base.checks import close_to
+from ..base.checks import close_to, positive
 from ..base.run_options import BY_BUDGET
 from ..base.run_warnings import silenced
 from ..base.tables import columns
@@ -308,6 +308,7 @@ def study_accuracy(asked: Asked) -> None:
     check_files(asked, (".csv",))
     kept = "" if asked.store is None else f"; finished runs are in {asked.store}"
     with reported("read or write", kept):
+        positive("error", asked.error)  # before what takes minutes
         found = _find(asked)
         chosen: dict[str, Any] = {}
         text = ""

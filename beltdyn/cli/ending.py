@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
@@ -74,19 +74,22 @@ def reported(access: str = "read", kept: str = "") -> Iterator[None]:
 class Group(click.Group):
     """Reports errors in one line, never as a traceback."""
 
-    def main(self, *args: Any, **options: Any) -> Any:
+    def main(self, args: Sequence[str] | None = None, *more: Any, **options: Any) -> Any:
         """Run the command and exit; what commands leave to this is said here, too."""
         try:
-            code = super().main(*args, **(options | {"standalone_mode": False}))
+            code = super().main(args, *more, **(options | {"standalone_mode": False}))
         except click.exceptions.NoArgsIsHelpError as error:
             click.echo(error.format_message())
             sys.exit(0)
         except click.ClickException as error:
-            context = error.ctx if isinstance(error, click.UsageError) else None
-            hint = f" (try: {context.command_path} --help)" if context else ""
-            text = error.format_message()
+            hint, text = "", error.format_message().rstrip(".")
+            if isinstance(error, click.UsageError):
+                words = sys.argv[1:] if args is None else args
+                name = next((f" {one}" for one in words if one in self.commands), "")
+                path = error.ctx.command_path if error.ctx else f"{self.name}{name}"
+                hint = f" (try: {path} --help)"
             if likely := getattr(error, "possibilities", None):  # in the order of their likeness
-                text = f"{error.message} (did you mean {likely[0]!r}?)"
+                text = f"{error.message.rstrip('.')} (did you mean {likely[0]!r}?)"
             stop(f"{text}{hint}", BAD_INPUT)
         except click.Abort:
             stop("interrupted", INTERRUPTED)
