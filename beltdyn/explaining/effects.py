@@ -75,17 +75,10 @@ def effects_of(
     names = dict(zip(rows, passes, strict=False))  # the ledger's pass is no row
     found = []
     for row, (name, asked_by) in enumerate(_core.EFFECTS):
-        if not asked_by and row not in names:
-            continue  # settling alone
-        reasons, zero = _reasons(params, torque, motions, asked_by.split())
-        found.append(
-            Effect(
-                name=names.get(row, name),
-                on=row in names,
-                because=tuple(reasons),
-                zero=tuple(zero),
-            )
-        )
+        if asked_by or row in names:  # else of settling alone
+            because, zero = map(tuple, _reasons(params, torque, motions, asked_by.split()))
+            name, on = names.get(row, name), row in names
+            found.append(Effect(name=name, on=on, because=because, zero=zero))
     return tuple(found)
 
 

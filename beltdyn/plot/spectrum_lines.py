@@ -132,10 +132,10 @@ def _mark_passing(ax: Axes, found: Spectrum, high: float) -> None:
     """Mark harmonics of the link passing by dotted lines, of the belt by ticks at the bottom."""
     for source in found.sources:
         shown = min(found.harmonics(source), _PASSINGS)
+        at = source.frequency * np.arange(1, shown + 1)
         if not shown:
             continue
         if source.kind == "link":
-            at = source.frequency * np.arange(1, shown + 1)
             above = at[0] > found.limit
             places = folded(at, 2.0 * found.limit)
             look: dict[str, Any] = {"color": _LINK, "lw": 0.9, "ls": (0, (1.2, 1.6)), "zorder": 1}
@@ -146,16 +146,8 @@ def _mark_passing(ax: Axes, found: Spectrum, high: float) -> None:
                 if place <= high and (k == 0 or not above):
                     ax.axvline(place, label=name if k == 0 else "_", **look)
         elif source.kind == "belt":
-            at = source.frequency * np.arange(1, shown + 1)
-            ax.vlines(
-                at,
-                0.0,
-                0.04,
-                transform=ax.get_xaxis_transform(),
-                color=_BELT,
-                lw=1.4,
-                label=f"belt passing, {at[0]:.3g} Hz and multiples",
-            )
+            look = {"transform": ax.get_xaxis_transform(), "color": _BELT, "lw": 1.4}
+            ax.vlines(at, 0.0, 0.04, label=f"belt passing, {at[0]:.3g} Hz and multiples", **look)
 
 
 @draws()

@@ -9,6 +9,7 @@ import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.cbook import normalize_kwargs
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize
 from matplotlib.lines import Line2D
@@ -115,14 +116,11 @@ def _plot(
 ) -> None:
     """Draw a line, or points each in its colour; ``given`` by the user goes before ``look``."""
     if np.ndim(colour) == 2:
-        words: dict[str, Any] = {
-            key: given[key] for key in ("alpha", "label", "zorder") if key in given
-        }
-        size = given.get("markersize", given.get("ms", look["markersize"]))
-        marker = given.get("marker", look["marker"])
+        both = look | normalize_kwargs(given, Line2D)
+        words = {k: both[k] for k in ("alpha", "label", "zorder", "transform") if k in both}
+        size, marker = both["markersize"], both["marker"]
         line = 1.0 if marker != "o" else 0.0
         good = np.isfinite(y)
-        words |= {key: look[key] for key in ("transform",) if key in look}
         ax.scatter(
             x[good], y[good], c=colour[good], s=size**2, marker=marker, linewidths=line, **words
         )

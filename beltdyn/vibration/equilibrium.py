@@ -71,18 +71,14 @@ def _forces(
         what, left = "link", inertia["vx"] * np.hypot(rate["vx"], rate["vy"])
     worst = int(np.argmax(left))
     out = [(float(left[worst]), f"{what} {worst}")]
-
-    def at(name: str, k: int, lever: float, where: str) -> None:
-        torque = abs(float(rate[name][k])) * inertia[name][k]
-        out.append((torque / lever, where))
-
-    for k, pulley in enumerate(params.pulleys):
-        if k not in held:
-            at("omega", k, pulley.radius, params.label(k))
+    label, radii = params.label, params._radii
+    centers = params.centers(core["travel"] if params.mounted else None)
+    levers = [("omega", k, radii[k], label(k)) for k in range(len(radii)) if k not in held]
     for c, k in enumerate(params.coupled):
-        at("rim_speed", c, params.pulleys[k].radius, f"the rim of {params.label(k)}")
-    centers = params.centers(core["travel"]) if params.mounted else params.centers()
+        levers.append(("rim_speed", c, radii[k], f"the rim of {label(k)}"))
     for m, k, mount in params._moving:
-        lever = float(np.hypot(*mount._direction(centers[k])))
-        at("travel_speed", m, max(lever, 1e-12), f"the mount of {params.label(k)}")
+        lever = max(float(np.hypot(*mount._direction(centers[k]))), 1e-12)
+        levers.append(("travel_speed", m, lever, f"the mount of {label(k)}"))
+    for name, k, lever, where in levers:
+        out.append((abs(float(rate[name][k])) * inertia[name][k] / lever, where))
     return out

@@ -193,18 +193,17 @@ def linearise(
     speed = speed_of(params, core) if places else 0.0
     # a state of friction that no slip changes belongs to a link that touches nothing
     sums = np.asarray(abs(jacobian).sum(axis=1)).ravel()
-    keep = np.flatnonzero((names != "mu") | (sums != 0.0))
-    jacobian, names, index, unit = jacobian[:, keep][keep], names[keep], index[keep], unit[keep]
+    left_out = (names == "mu") & (sums == 0.0)
     if passing != 0.0:
         one = np.zeros(len(names), dtype=np.intp)
         jacobian = jacobian - abs(passing) * derivative(
             params, names, index, one, 1, passing, _BY_PLACE
         )
     jacobian = jacobian.tocsc()
-    fixed = np.isin(names, ["theta", "omega"]) & np.isin(index, prescribed)
+    left_out |= np.isin(names, ["theta", "omega"]) & np.isin(index, prescribed)
     of_mounts = np.isin(names, ["travel", "travel_speed", "mount_friction"])
-    fixed |= of_mounts & ~np.isin(index, [m for m, *_ in params._moving])
-    inner = np.flatnonzero(~fixed)
+    left_out |= of_mounts & ~np.isin(index, [m for m, *_ in params._moving])
+    inner = np.flatnonzero(~left_out)
     theta, omega = (jacobian[:, np.flatnonzero(names == of)][inner] for of in ("theta", "omega"))
     return Linear(
         params=params,
