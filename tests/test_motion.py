@@ -320,12 +320,14 @@ ONE_VALUE = "must be a PiecewiseLinear with one value per time"
 JUMP = bd.PiecewiseLinear([0.0, 0.1, 0.1], [0.0, 1.0, 2.0])
 #: By whom: a run given these motions, a `Motion` of these arguments, a state set to these speeds.
 REFUSED = [
-    ("run", [RAMP], TypeError, "motion must be a mapping from a pulley's index or name to"),
+    ("run", [RAMP], TypeError, r"motion must be a mapping .* such as \{0: lambda t: 100.0\} \["),
     *(("run", {one: RAMP}, ValueError, f"motion index must be an integer from 0 to 1, got {one}")
       for one in (2, -1)),
     *(("run", {one: RAMP}, TypeError, "motion index must be an integer") for one in ("0", True)),
     ("run", {0: attrs.evolve(RAMP, pulley=0)}, ValueError, r"motion\[0\] must not name a pulley"),
     *(("run", {0: one}, TypeError, rf"motion\[0\] {ONE_VALUE}") for one in (None, -50.0, FREE)),
+    ("run", {0: 100}, TypeError, rf"motion\[0\] {ONE_VALUE}.* got 100; .* lambda t: 100"),
+    ("run", {0: lambda: 1.0}, TypeError, rf"motion\[0\] {ONE_VALUE}.* got <lambda>\(\)"),
     ("run", {0: LOAD}, ValueError, r"motion\[0\] must have one value per time, got .* \(2, 2\)"),
     ("run", {1: JUMP}, ValueError, r"motion\[1\] must not jump, .*: it holds the time 0.1 s twice"),
     ("motion", {}, TypeError, "Motion takes either speed or angle"),
@@ -397,7 +399,8 @@ def test_exceptions_come_out_unchanged(of: str, params: bd.Params, start: bd.Sta
         run(params, start, motion)
     result = caught.value.result  # type: ignore[attr-defined]
     assert 0.0105 < result.final_state.t <= 0.011 and result.status == "failed"
-    assert "a torque or motion function raised ZeroDivisionError" in caught.value.__notes__[0]
+    note = caught.value.__notes__[0]
+    assert note.startswith("ZeroDivisionError of a torque or motion function ended the run, which ")
     motion = {0: bd.Motion(**{of: failing(KeyboardInterrupt, 0.011)})}
     with pytest.raises(bd.Interrupted) as stopped:
         run(params, start, motion)
@@ -420,6 +423,9 @@ def test_values_that_are_not_finite_or_of_another_kind(params: bd.Params, start:
     for wrong, initial in itertools.product((None, "1", [1.0], True, 1j), (None, start)):
         with pytest.raises(TypeError, match=message):
             run(params, initial, {0: lambda t, wrong=wrong: wrong})
+    with pytest.raises(TypeError, match=r"^what the motion of pulley 0 returns") as returned:
+        run(params, start, {0: lambda t: 0.0 if t < 0.011 else "1"})
+    assert "raised" not in returned.value.__notes__[0]
 
 
 def test_functions_are_called_within_the_run_alone(params: bd.Params, start: bd.State) -> None:

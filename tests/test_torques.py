@@ -209,7 +209,7 @@ def test_objects_are_as_python() -> None:
 
 
 def test_not_a_torque_or_for_another_number_of_pulleys() -> None:
-    for wrong in (None, 3.0, "law", [1.0, 2.0], object()):
+    for wrong in (None, 3.0, "law", [1.0, 2.0], object(), lambda t: [0.0, 0.0]):
         with pytest.raises(TypeError, match=r"^torque_fn must be callable"):
             run(wrong)
     for torque in (bd.Viscous([1.0]), bd.PiecewiseLinear([0.0], [[1, 2, 3]]), bd.Viscous([1] * 3)):

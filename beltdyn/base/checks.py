@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 import numbers
 import reprlib
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -29,6 +30,19 @@ def shown(value: object) -> str:
 
 def _with_unit(unit: str) -> str:
     return "" if unit in ("", "1") else f" ({unit})"
+
+
+def called_with(function: Callable[..., Any], arguments: str) -> str:
+    """Return in words how a function differs that cannot be called so, as "t, omega"; or ""."""
+    try:
+        takes = inspect.signature(function)
+    except (TypeError, ValueError):  # of functions of other languages there may be none
+        return ""
+    try:
+        takes.bind(*arguments.split(", "))
+    except TypeError:
+        return f"{getattr(function, '__name__', type(function).__name__)}{takes}"
+    return ""
 
 
 def real(name: str, value: object, unit: str = "1") -> float:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import functools
 import math
+import numbers
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 import attrs
 import numpy as np
 
 from .. import _core
-from ..base.checks import Array, first_of, positive, real, shown
+from ..base.checks import Array, called_with, first_of, positive, real, shown
 from ..base.naming import ByPulley, by_index, key
 from ..base.optional import scipy_module
 from .loads import harmonic_fields, interval
@@ -177,6 +178,12 @@ def _refuse_kinks(t: Array, angle: Array) -> None:
     )
 
 
+def _no_function(value: object) -> str:
+    """Return in words what stands in place of a function f(t); or ""."""
+    function = callable(value) and not isinstance(value, Torque)
+    return called_with(cast(Any, value), "t") if function else shown(value)
+
+
 def _check_speed(name: str, value: object) -> None:
     if isinstance(value, PiecewiseLinear):
         if value.pulley is not None:
@@ -190,10 +197,12 @@ def _check_speed(name: str, value: object) -> None:
                 f"{name} must not jump, for a pulley's speed cannot: it holds the time "
                 f"{value.t[k]:g} s twice"
             )
-    elif isinstance(value, Torque) or not callable(value):
+    elif got := _no_function(value):
+        number = isinstance(value, numbers.Real)
         raise TypeError(
             f"{name} must be a PiecewiseLinear with one value per time, a function f(t), a Motion "
-            f"or a CrankMotion, got {shown(value)}"
+            f"or a CrankMotion, got {got}"
+            + (f"; a constant speed [rad/s] is lambda t: {got}" if number else "")
         )
 
 
@@ -230,12 +239,8 @@ class Motion:
                 "Motion.angle must not be a PiecewiseLinear, for the speed would jump at its times"
                 ": give the speed, a smooth function of time, or measured angles, an AngleTable"
             )
-        elif isinstance(self.angle, AngleTable):
-            pass
-        elif isinstance(self.angle, Torque) or not callable(self.angle):
-            raise TypeError(
-                f"Motion.angle must be a function f(t) or an AngleTable, got {shown(self.angle)}"
-            )
+        elif not isinstance(self.angle, AngleTable) and (got := _no_function(self.angle)):
+            raise TypeError(f"Motion.angle must be a function f(t) or an AngleTable, got {got}")
 
 
 def _mean_speed(value: float | PiecewiseLinear, name: str = "speed") -> PiecewiseLinear:
@@ -319,8 +324,8 @@ def as_motions(
         return {}
     if not isinstance(motion, Mapping):
         raise TypeError(
-            "motion must be a mapping from a pulley's index or name to its motion, "
-            f"got {shown(motion)}"
+            "motion must be a mapping from a pulley's index or name to its motion, such as "
+            f"{{{key(0, names)}: lambda t: 100.0}} [rad/s], got {shown(motion)}"
         )
     found: dict[int, Motion | CrankMotion] = {}
     for index, given in by_index("motion", motion, names).items():

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .. import _core
-from ..base.checks import Array, first_of, real, real_array, refuse_masked
+from ..base.checks import Array, called_with, first_of, real, real_array, refuse_masked
 from ..base.described import ruled
 from ..base.naming import PulleyLike, as_pulley, index_of, label, names_of
 
@@ -368,11 +368,12 @@ def as_terms(
     compiled = _compiled(torque_fn)
     if compiled is not None:
         return [("function", *compiled)]
-    if callable(torque_fn):
+    got = called_with(torque_fn, "t, theta, omega") if callable(torque_fn) else repr(torque_fn)
+    if not got:
         return [("call", torque_fn)]
     raise TypeError(
-        "torque_fn must be callable as f(t, theta, omega), a torque object or a compiled function, "
-        f"got {torque_fn!r}"
+        "torque_fn must be callable as f(t, theta, omega), which returns the torques of all "
+        f"pulleys [N m], a torque object or a compiled function, got {got}"
     )
 
 

@@ -50,11 +50,14 @@ def _checked(_cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attri
 
 def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[int, float], float]:
     """Check speeds of pulleys that a belt runs with; return them and the speed of their rims."""
+    names = params.pulley_names
     if not isinstance(omega, Mapping):
-        raise TypeError(f"{name} must be a mapping from pulleys to speeds, got {omega!r}")
+        raise TypeError(
+            f"{name} must be a mapping from pulleys to speeds, such as "
+            f"{{{key(0, names)}: 100.0}} [rad/s], got {omega!r}"
+        )
     if not omega:
         raise ValueError(f"{name} must name at least one pulley")
-    names = params.pulley_names
     radii = params.route.senses * params._radii
     speeds = {
         index: real(f"{name}[{key(index, names)}]", value, "rad/s")

@@ -161,7 +161,9 @@ class Run:
             if finishing:
                 raise
             whose = "a torque or motion function" if self._motions else "the torque function"
-            why = f"{whose} raised {type(raised).__name__} after t = {sim.time:.6g} s"
+            # raised by it, or by the core for what it returned
+            cause = f"{type(raised).__name__} of {whose}"
+            why = f"{cause} ended the run, which had reached t = {sim.time:.6g} s"
             _keep_result(raised, self.collect("failed", why))
             for note in (why, *recorder.hint):
                 raised.add_note(note)
