@@ -363,7 +363,7 @@ class Ale(Mesh):
         mean = (sum_1 - sum_0) / np.where(lies, s_1 - s_0, 1.0)
         end = 2.0 * np.stack((mean - c_0, c_1 - mean), axis=-2) / part[..., None, :]
         cuts = np.stack((s_0 - begin, s_1 - begin), axis=-2) / part[..., None, :]
-        reach = [np.maximum(one[0], 1.0 / (one[1] + one[2]).real) for one in ends]
+        reach = [np.maximum(one[0], 0.5 / one[2].real) for one in ends]
         reach = np.where(2.0 * self.fraction[self.arcs] < 1.0, *reach)
         share = roll[of] / reach
         size = np.where(lies, cuts[..., 1, :] - cuts[..., 0, :], 1.0)

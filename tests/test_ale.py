@@ -234,6 +234,27 @@ def test_belt_that_sinks_into_its_pulleys_is_pulled_by_their_rims() -> None:
     assert rises[0] == pytest.approx(rises[1], rel=0.15)
 
 
+def test_a_belt_that_hardly_bends_runs_as_one_that_does_not() -> None:
+    """On the softest contacts, where the end of a wrap rolls most: bending of 1e-8 N m^2 acts over
+    sqrt(EI/H) = 7 um, a hundred-thousandth of a wrap, and no step may be shorter for it.
+    """
+    of_m = drives.with_belt(drives.scene_m().params, bending_stiffness=0.0)
+    linear = of_m.belt.axial_stiffness / (2.0 * 0.1**2)
+    damping = 0.3 * math.sqrt(linear * of_m.belt.linear_density)
+    soft = attrs.evolve(
+        ale(of_m, 42), contact=bd.Contact(linear=linear, damping=damping, compensate=False)
+    )
+    runs = []
+    for bending in (0.0, 1e-8):
+        params = drives.with_belt(soft, bending_stiffness=bending)
+        state = bd.settle(params, speed={0: 50.0}, friction=False, pulleys="held")
+        load = bd.PiecewiseLinear([0.0, 0.01, 0.05], [0.0, 20.0, 20.0], pulley=1)
+        runs.append(bd.simulate(params, load, 0.05, initial=state, rtol=1e-4))
+    without, hardly = runs
+    assert hardly.span_tension[-1] == pytest.approx(without.span_tension[-1], rel=1e-4)
+    assert hardly.stats.steps == pytest.approx(without.stats.steps, rel=0.1)
+
+
 def thrown(params: bd.Params, speed: float, **moves: np.ndarray) -> Any:
     """Energy over 20 ms: a wave of 0.3 m/s along the belt, a swinging span, a pulse of torque."""
     push = bd.PiecewiseLinear([0.0, 2e-3, 4e-3, 6e-3], [0.0, 20.0, 0.0, 0.0], pulley=1)

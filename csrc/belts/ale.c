@@ -165,12 +165,11 @@ static void damp_arc(const bd_ale *ale, bd_ale_arc *arc, double damping) {
 
 /* Depth behind where belt touches, and its slope. */
 static double depth_at(const bd_ale_roots *end, double depth, double in, double *slope) {
-  const double p = end->p, q = end->q, turns = end->turns;
-  const double over = p * (1.0 + p * end->touch) / q + turns * q * end->touch;
+  const bd_ale_sunk sunk = bd_ale_sinks(end);
   double co, si;
   bd_ale_fade(end, in, &co, &si);
-  *slope = depth * ((p + q * over) * co + (turns * q - p * over) * si);
-  return depth * (1.0 - co + over * si);
+  *slope = depth * (sunk.along * co + sunk.across * si);
+  return depth * (1.0 - co + sunk.depth * si);
 }
 
 /* What contact dampers of one take at the end of a wrap: of belt that runs on or off there, over

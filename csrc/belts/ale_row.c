@@ -459,7 +459,7 @@ static int check_limits(const bd_plan *plan, double t, bd_error *err) {
 }
 
 /* States beyond the bound of their law, into it. */
-static void bound_states(const bd_plan *plan, double tolerance, int *changed) {
+static void bound_states(const bd_plan *plan) {
   const bd_layout *lay = &plan->model->lay;
   const bd_ale_state *y = &plan->ale->y;
   for (int j = 0; j < lay->np; ++j) {
@@ -468,10 +468,7 @@ static void bound_states(const bd_plan *plan, double tolerance, int *changed) {
     for (int e = 0; e < 2 * arc->states && isfinite(bound); ++e) {
       double *z = y->z[e / arc->states] + e % arc->states * y->stride + arc->begin;
       for (int k = 0; k < arc->n; ++k) {
-        if (fabs(z[k]) > bound) {
-          *changed |= fabs(z[k]) > bound * (1.0 + tolerance);
-          z[k] = copysign(bound, z[k]);
-        }
+        z[k] = fabs(z[k]) > bound ? copysign(bound, z[k]) : z[k];
       }
     }
   }
@@ -507,6 +504,7 @@ static void rebase(const bd_plan *plan, double *y) {
 static int after_step(bd_plan *plan, double t, double *y, double tolerance, int *changed,
                       bd_error *err) {
   bd_ale_belt *belt = plan->ale;
+  (void)tolerance;
   bd_mounts_put(plan, y);
   bd_ale_put_axes(plan, y);
   bd_ale_read(plan, y, &belt->y);
@@ -517,7 +515,7 @@ static int after_step(bd_plan *plan, double t, double *y, double tolerance, int 
   BD_TRY(check_limits(plan, t, err));
   renew(belt, &belt->y);
   belt->known = 0;
-  bound_states(plan, tolerance, changed);
+  bound_states(plan);
   note_changes(plan, y);
   *changed = 1;
   bd_ale_write(plan, &belt->y, y);

@@ -287,10 +287,22 @@ static inline bd_ale_roots bd_ale_roots_of(double EI, double H, double c) {
                         .touch = sqrt(EI / H) - p / square};
 }
 
+/* Over the depth: that is 1 - co + depth si, its slope `along` co + `across` si. */
+typedef struct bd_ale_sunk {
+  double depth, along, across;
+} bd_ale_sunk;
+
+static inline bd_ale_sunk bd_ale_sinks(const bd_ale_roots *roots) {
+  const double p = roots->p, q = roots->q, turned = roots->turns * q, e = roots->touch;
+  const double depth = (p + (p * p + turned * q) * e) / q;
+  return (bd_ale_sunk){depth, p + q * depth, turned - p * depth};
+}
+
 /* The integral of the square of the depth's slope, over the square of the depth. */
 static inline double bd_ale_sloping(const bd_ale_roots *roots) {
-  const double p = roots->p, q = roots->q, qq = roots->turns * q * q, e = roots->touch;
-  const double co = 2.0 * p + (p * p + qq) * e, si = (qq - p * p * (1.0 + p * e) - p * qq * e) / q;
+  const double p = roots->p, q = roots->q, qq = roots->turns * q * q;
+  const bd_ale_sunk sunk = bd_ale_sinks(roots);
+  const double co = sunk.along, si = sunk.across;
   return (co * co * (2.0 * p * p + qq) + 2.0 * co * si * p * q + si * si * q * q) /
          (4.0 * p * (p * p + qq));
 }

@@ -367,7 +367,7 @@ static void put_column(const void *reading, int state) {
 static double by_shears(const struct bd_ale_system *own, int i, int u, int c) {
   const bd_ale_newton *newton = &own->newton;
   double sum = 0.0;
-  for (int s = 2 * i; s < 2 * i + 2 && own->shears > 0; ++s) {
+  for (int s = 2 * i; s < 2 * i + 2; ++s) {
     sum += newton->shear_column[s * newton->ring.unknowns + u] * newton->shear_row[s][c];
   }
   return sum;
