@@ -145,6 +145,7 @@
   X(NODES, of->n_bodies)                                                                           \
   X(FLOW, 1)                                                                                       \
   X(MODES, of->n_modes)                                                                            \
+  X(ALONG, of->n_along)                                                                            \
   X(CONTACT, of->n_bodies)                                                                         \
   X(SLOTS, (size_t)of->n_slots *(size_t)of->n_bodies)                                              \
   X(STATES, (size_t)(of->n_slots * of->n_states) * (size_t)of->n_bodies)                           \
@@ -182,7 +183,9 @@
   X(RIM_SPEED, rim_speed, COUPLINGS, SPIN, "rad/s", "speed of a coupled rim, or a damper's ring")  \
   X(WINDUP, windup, COUPLINGS, WINDUP, "rad", "of a coupling, rim against hub, z")                 \
   X(A, a, MODES, NONE, "m", "amplitudes of the spans' sine modes, span after span")                \
-  X(P, p, MODES, NONE, "m/s", "of their velocities, with those of the axes")
+  X(P, p, MODES, NONE, "m/s", "of their velocities, with those of the axes")                       \
+  X(ALONG, along, ALONG, NONE, "m", "amplitude of a sine wave along each span")                    \
+  X(ALONG_SPEED, along_speed, ALONG, NONE, "m/s", "of its velocity, with those of its ends")
 
 /* What a model knows of itself: X(type, name, text). */
 #define BD_INFO(X)                                                                                 \
@@ -193,6 +196,7 @@
   X(int, n_slots, "friction slots per link: 1 unless spans are short; 0 without friction")         \
   X(int, n_states, "states of friction in a slot: the most that a law in use has")                 \
   X(int, n_modes, "sine modes of all spans; 0 of links")                                           \
+  X(int, n_along, "waves along spans, one each; 0 of links, and of light spans")                   \
   X(int, winding, "turns of the link angle round the ring: -1 clockwise, +1 counter-clockwise")    \
   X(double, length, "stress-free length of the belt, L [m]")                                       \
   X(double, link_length, "stress-free length of a link, l0 [m]")                                   \

@@ -575,11 +575,14 @@ class Ale(Mesh):
             lateral = lateral + rho / 12.0 * (u_n[..., ends] - u_n[..., spans]) ** 2
             total[..., spans] += lateral
             total[..., ends] -= lateral
+        # waves along spans: what their springs do to both ends, and what these lend them
+        d_along, d_along_speed, on_both, lent = self.rings(y, geo)
+        total[..., np.stack((spans, ends))] += on_both[..., None, :]
         # both ends of a span: consistent mass and the reaction of the modes, a symmetric 2 x 2
         mu = rho * m_s / 6.0 if self.consistent else 0.0
-        k_00 = density_at[..., spans] - mu + 0.25 * added
-        k_11 = density_at[..., ends] - mu + 0.25 * added
-        k_01 = mu + 0.25 * added
+        k_00 = density_at[..., spans] - mu + 0.25 * added - lent
+        k_11 = density_at[..., ends] - mu + 0.25 * added - lent
+        k_01 = mu + 0.25 * added - lent
         determinant = k_00 * k_11 - k_01**2
         mean = 0.5 * (ax.slid + ax.slid[..., nxt])[..., arcs]
         dv = np.zeros_like(v)
@@ -646,10 +649,27 @@ class Ale(Mesh):
         lost = (self.per_losing(geo, ax) * speeds**2).sum(axis=(-1, -2))
         works[..., 2] += lost[0]
         works[..., 7] += lost[1]
+        if self.n_along:
+            works[..., 1] += (self.along_spring[1] * d_along**2).sum(axis=-1)
         works[..., 3] = (force * slip).sum(axis=(-1, -2))
         works[..., 4] = (resists * (omega - carrier)).sum(axis=-1)
-        parts = dm, dv, z_rate, da, dp, omega, domega, dq, ddq, share_rate, works
+        parts = (
+            dm, dv, z_rate, da, dp, d_along, d_along_speed, omega, domega, dq, ddq, share_rate,
+            works,
+        )  # fmt: skip
         return np.concatenate([one.reshape(*y.shape[:-1], -1) for one in parts], axis=-1)
+
+    def rings(self, y: Array, geo: Geometry) -> tuple[Array, Array, Array, Array]:
+        """Of waves along spans: rates of their amplitude and speed, the force on either end of
+        the span, the inertia that either lends. [5]
+        """
+        if not self.n_along:
+            return self.get(y, "along"), self.get(y, "along"), np.zeros(self.n_p), 0.0
+        v, share, mass = self.get(y, "v"), 2.0 / math.pi, self.along_mass
+        (spring, damper), size = self.along_spring, self.get(y, "along")
+        rate = self.get(y, "along_speed") - share * (v[..., self.spans] + v[..., self.ends])
+        pull = spring * size + damper * rate - share * mass * dot(self.g, geo.e)
+        return rate, -pull / (0.5 * mass), share * pull, 0.5 * mass * share**2
 
     def shortens(self, y: Array, geo: Geometry, ax: Axial, ab: Array) -> Array:
         """What waves pull along their spans, for they are longer then. [7]"""
@@ -848,6 +868,12 @@ class Ale(Mesh):
         if self.reaction:
             lateral = lateral + c**2 * ((waves * ab) ** 2 - ga**2)
         lateral = 0.25 * rho * m_s * lateral.sum(axis=-1)
+        if self.n_along:
+            size, speed = self.get(y, "along"), self.get(y, "along_speed")
+            with_ends = 2.0 / math.pi * (v[..., spans] + v[..., self.ends])
+            kinetic = kinetic + 0.25 * (self.along_mass * (speed**2 - with_ends**2)).sum(axis=-1)
+            stored = 0.5 * (self.along_spring[0] * size**2).sum(axis=-1)
+            elastic = np.concatenate((elastic, stored[..., None]), axis=-1)
         omega = self.get(y, "omega")
         found = {
             "elastic": elastic.sum(axis=-1),

@@ -65,8 +65,9 @@ class Geometry:
 class Mesh:
     """A belt drive by its data per metre of belt, with the equations of the ALE belt.
 
-    The state is `m` and `v` (N), `z` (states, 2, N_arc), `a` and `p` (n_p, K), `theta`, `omega`
-    (n_p), of sprung mounts travel, rate and share of friction (n_m), and the quadratures LEDGER.
+    The state is `m` and `v` (N), `z` (states, 2, N_arc), `a` and `p` (n_p, K), `along` and
+    `along_speed` (n_p or 0), `theta`, `omega` (n_p), of sprung mounts travel, rate and share of
+    friction (n_m), and the quadratures LEDGER.
     Cell c lies between nodes c and c + 1; span 0, arc 1, span 1, ..., arc 0.
     """
 
@@ -180,6 +181,7 @@ class Mesh:
     def _mesh(self, places: Array, put: Callable[[str, Any], None]) -> None:
         """Number cells and nodes, and say of each to which pulley or span it belongs."""
         _, wraps, _ = spans_away(places, self.radii, self.sides)
+        put("n_along", self.n_p if self._rings_along(places, wraps) else 0)
         counted = wraps * np.maximum(self.radii, self.small)
         even = [2 * math.ceil(length / self.cell / 2) for length in counted]
         on = [max(self.least, n) for n in even]
@@ -209,6 +211,7 @@ class Mesh:
         sizes = (
             ("m", (self.n,)), ("v", (self.n,)), ("z", (self.n_z, 2, len(arc_of))),
             ("a", (self.n_p, self.n_modes)), ("p", (self.n_p, self.n_modes)),
+            ("along", (self.n_along,)), ("along_speed", (self.n_along,)),
             ("theta", (self.n_p,)), ("omega", (self.n_p,)),
             ("q", (self.n_m,)), ("dq", (self.n_m,)), ("zeta", (self.n_m,)),
             ("works", (len(LEDGER),)),
@@ -228,6 +231,16 @@ class Mesh:
         put("odd", np.where(modes % 2 == 1, 1.0, 0.0) / (modes * math.pi))
         #: parts of a mode in the motion of a span's first and last end, w_n / (a.n)
         put("parts", 2.0 / (modes * math.pi) * np.array([modes**0, -((-1.0) ** modes)]))
+
+    def _rings_along(self, places: Array, wraps: Array) -> bool:
+        """Whether spans have waves along them. [5]"""
+        rises = self.s * self.radii - np.roll(self.s * self.radii, -1)
+        apart = np.linalg.norm(np.roll(places, -1, axis=0) - places, axis=-1)
+        span, rho = np.sqrt(apart**2 - rises**2), self.linear_density
+        in_ = np.roll(span, 1)
+        mass = self.inertias / self.radii**2 + rho * (wraps * self.radii + (in_ + span) / 3.0)
+        ratio = rho * np.maximum(in_, span) ** 2 * (1.0 / in_ + 1.0 / span) / mass
+        return bool(ratio.max() > 0.2)
 
     def _run_offs(self, put: Callable[[str, Any], None]) -> None:
         """X(H) of each span without its part of 1/S, over log H, and its integral over H."""
@@ -261,6 +274,10 @@ class Mesh:
         put("bend", cubics)
         k = self.s * self.moment
         put("tilt", k - np.roll(k, -1))  # o H
+        # waves along spans: their mass, spring and damper
+        put("along_mass", self.linear_density * length / (1.0 + self.h_0 / self.axial_stiffness))
+        per_length = math.pi**2 / (2.0 * length)
+        put("along_spring", (self.axial_stiffness * per_length, self.axial_damping * per_length))
 
     def pressed(self, sink: Array) -> Array:
         """Energy of the contact per metre of stress-free belt."""

@@ -35,8 +35,10 @@ def scales(model: Ale) -> Array:
     length = float(m.sum())
     y = model.pack(
         m=m * model.h_0 / model.axial_stiffness, v=speed, z=z, a=a,
-        p=a * np.pi / geo.span[:, None] * lateral, theta=speed / model.radii * 1e-2,
-        omega=speed / model.radii, zeta=1.0, works=1.0,
+        p=a * np.pi / geo.span[:, None] * lateral,
+        along=(geo.span * model.h_0 / model.axial_stiffness / np.pi)[: model.n_along],
+        along_speed=speed, theta=speed / model.radii * 1e-2, omega=speed / model.radii, zeta=1.0,
+        works=1.0,
     )  # fmt: skip
     if model.n_m:
         y = y + model.pack(q=1e-3 * length / lever, dq=speed / lever)
@@ -89,7 +91,8 @@ def lay(model: Ale, h: float, flow: float, q: Array) -> Array:
     lam[model.spans], lam[model.arcs] = stretch, low
     v = flow * 0.5 * (lam + lam[model.before])
     a = model.rest_modes(force, geo.span)[0] - model.offset(geo.span)
-    return model.pack(m=m, v=v, a=a, q=q)
+    ends = 2.0 / np.pi * (v[model.spans] + v[model.ends])
+    return model.pack(m=m, v=v, a=a, q=q, along_speed=ends[: model.n_along])
 
 
 def at_speed(model: Ale, speed: float, pulley: int = 0) -> Array:
@@ -290,7 +293,8 @@ def error_groups(model: Ale) -> list[Array]:
     """Unknowns of which the worst rms is the error of a step."""
     every = {name: np.arange(model.size)[where] for name, (where, _) in model.layout.items()}
     of_spans = np.concatenate((every["m"][model.spans], every["v"][model.spans],
-                               every["v"][model.ends]))  # fmt: skip
+                               every["v"][model.ends], every["along"],
+                               every["along_speed"]))  # fmt: skip
     held = [every["omega"][j] for j in model.motion]
     border = np.setdiff1d(
         np.concatenate([every[one] for one in ("omega", "q", "dq", "zeta")]), held

@@ -150,7 +150,8 @@ _ALE_NAMES = {"travel": "q", "travel_speed": "dq", "mount_friction": "zeta"}
 
 def ale_vector(model: ale_reference.Ale, state: Mapping[str, Any]) -> np.ndarray:
     """A state of the core, or rates, as the oracle has it, whose works stay 0."""
-    parts = {name: state[name] for name in ("m", "v", "a", "p", "theta", "omega")}
+    same = ("m", "v", "a", "p", "along", "along_speed", "theta", "omega")
+    parts = {name: state[name] for name in same}
     places = list(model.mounts)
     for name, own in _ALE_NAMES.items():
         if model.n_m:

@@ -87,6 +87,24 @@ def scene_u() -> bd.Scene:
     return bd.Scene(params, ramp + bd.Viscous([0.0, 4.57]), 0.6)
 
 
+def light_scene() -> bd.Scene:
+    """Light pulleys half a metre apart, one above the other: the belt's own mass along it counts,
+    and its spans have waves along them.
+    """
+    params = scene_m().params
+    pulleys = [
+        attrs.evolve(one, center=(0.1 * k, 0.5 * k), radius=0.05 + 0.01 * k, inertia=2e-4)
+        for k, one in enumerate(params.pulleys)
+    ]
+    belt = attrs.evolve(
+        params.belt, length=None, preload=400.0, bending_stiffness=0.02, mesh="joint", model="auto"
+    )
+    params = attrs.evolve(
+        params, belt=belt, pulleys=pulleys, gravity=(0.0, -9.81), tensioning=bd.Tensioning()
+    )
+    return bd.Scene(params, bd.Viscous([0.0, 0.1]), 0.1)
+
+
 def _stretched(*pulleys: bd.Pulley) -> bd.Params:
     """The belt of the scenes round any pulleys, strained by 0.6 %."""
     belt = {"linear_density": 0.10, "axial_stiffness": 80e3, "axial_damping": 1.5}

@@ -185,6 +185,19 @@ def test_its_tension_and_modes_at_rest_are_those_of_links() -> None:
     np.testing.assert_allclose(found[:4], [92.505, 125.211, 128.482, 254.674], rtol=2e-3)
 
 
+def test_light_pulleys_on_long_spans_vibrate_as_on_links() -> None:
+    """Whose belt weighs as much as they resist: 243.7 Hz of 480 and 960 links extrapolated, cells
+    of 12.5 mm are 0.11 % above; with one stretch of a whole span 245.5, 0.7 % too fast.
+    """
+    plain = attrs.evolve(drives.light_scene().params, gravity=(0.0, 0.0))
+    heavy, light = plain.pulleys
+    params = ale(attrs.evolve(plain, pulleys=[attrs.evolve(heavy, inertia=1.0), light]), 50)
+    assert params.info["n_along"] == 2
+    found = frequencies(params, bd.settle(params, friction=False, pulleys="held"))
+    turning = found[np.abs(found - 244.0) < 5.0]
+    np.testing.assert_allclose(turning, [243.72], rtol=1.5e-3)
+
+
 @pytest.mark.parametrize(("cells", "speed"), [(310, 6.3), (390, 314.0)])
 def test_many_cells_begin_too(cells: int, speed: float) -> None:
     """The sum of their metres rounds by more than a last digit, which the tension's search must not
@@ -280,6 +293,28 @@ def test_its_energy_balance_closes(friction: bool, rigid: bool, bound: float) ->
     params = attrs.evolve(params, contact=bd.Contact(linear=1e11)) if rigid else params
     energy = thrown(params, 20.0)
     assert np.abs(energy.residual).max() < bound * energy.axial[0]
+
+
+def test_waves_along_spans_rest_in_a_belt_that_runs() -> None:
+    """Unloaded at 20 m/s they hang by 4 rhoA g S^2 / (pi^3 EA), and stay there to a thousandth of
+    the mean tension, as strain of a half-wave.
+    """
+    params = attrs.evolve(ale(drives.light_scene().params, 50), friction=None)
+    state = bd.settle(params, speed={0: 400.0}, friction=False)
+    found = bd.simulate(params, bd.Viscous([0.0, 0.0]), 0.01, initial=state, rtol=1e-5)
+    belt, height = params.belt, 0.5
+    hangs = 4.0 * belt.linear_density * 9.81 * height**2 / (math.pi**3 * belt.axial_stiffness)
+    np.testing.assert_allclose(np.abs(state.along), hangs, rtol=0.05)
+    strain = 1e-3 * params.info["strain_tension"] / belt.axial_stiffness
+    still = strain * height / math.pi
+    np.testing.assert_allclose(found.final_state.along, state.along, rtol=0.0, atol=still)
+
+
+def test_its_energy_balance_closes_with_waves_along_spans() -> None:
+    """Light pulleys, one above the other, at 20 m/s, to what errors are held to."""
+    params = attrs.evolve(ale(drives.light_scene().params, 50), friction=None)
+    energy = thrown(params, 20.0)
+    assert np.abs(energy.residual).max() < 1e-5 * energy.axial[0]
 
 
 @pytest.mark.parametrize("speed", [0.0, 30.0])

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from ale_reference import Ale
 from bridge import on_mesh_of
-from drives import crossed_scene, idler_scene, scene_m, scene_u
+from drives import crossed_scene, idler_scene, light_scene, scene_m, scene_u
 
 import beltdyn as bd
 
@@ -26,14 +26,16 @@ def flowing(params: bd.Params, n_bodies: int = 50) -> bd.Params:
 
 def state_of(model: Ale, y: np.ndarray, **changes: Any) -> bd.State:
     """A state of the oracle as one of the core."""
-    part = {name: model.get(y, name) for name in ("m", "v", "z", "a", "p", "theta", "omega")}
+    names = ("m", "v", "z", "a", "p", "along", "along_speed", "theta", "omega")
+    part = {name: model.get(y, name) for name in names}
     mounts = {"travel": "q", "travel_speed": "dq", "mount_friction": "zeta"}
     changes |= {name: model.get(y, other) for name, other in mounts.items() if model.n_m}
     z = np.zeros((2, model.n_z, model.n))
     z[:, :, model.arcs] = part["z"].swapaxes(0, 1)
     return bd.State(
         m=part["m"], v=part["v"], mu=z.reshape(-1, model.n), a=part["a"].ravel(),
-        p=part["p"].ravel(), theta=part["theta"], omega=part["omega"], **changes,
+        p=part["p"].ravel(), along=part["along"], along_speed=part["along_speed"],
+        theta=part["theta"], omega=part["omega"], **changes,
     )  # fmt: skip
 
 
@@ -53,7 +55,19 @@ def sliding_scene() -> bd.Scene:
     return plain._replace(params=params)
 
 
-MOUNTED = [bd.scenes.tensioned_alternator, bd.scenes.serpentine, sliding_scene]
+def light_sliding_scene() -> bd.Scene:
+    """Light pulleys far apart, the lower one on a slider."""
+    plain = light_scene()
+    first, last = plain.params.pulleys
+    slider = bd.Slider(direction=(-0.2, -1.0), mass=0.3, stiffness=2e5, preload=800.0, damping=50.0)
+    belt = attrs.evolve(plain.params.belt, preload=None)
+    pulleys = [attrs.evolve(first, mount=slider), last]
+    return plain._replace(params=attrs.evolve(plain.params, belt=belt, pulleys=pulleys))
+
+
+MOUNTED = [
+    bd.scenes.tensioned_alternator, bd.scenes.serpentine, sliding_scene, light_sliding_scene,
+]  # fmt: skip
 
 
 def displaced(model: Ale, speed: float, seed: int = 1, amplitude: float = 0.05) -> np.ndarray:
@@ -70,7 +84,9 @@ def displaced(model: Ale, speed: float, seed: int = 1, amplitude: float = 0.05) 
 
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("speed", [-63.0, 0.0, 63.0])
-@pytest.mark.parametrize("scene", [scene_u, scene_m, crossed_scene, idler_scene, *MOUNTED])
+@pytest.mark.parametrize(
+    "scene", [scene_u, scene_m, crossed_scene, idler_scene, light_scene, *MOUNTED]
+)
 def test_its_rate_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     """In both directions and about rest, wherever the belt lies, axes that move included."""
     params = flowing(scene().params, 50 if scene not in MOUNTED else 70)
@@ -80,9 +96,10 @@ def test_its_rate_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     core = params._model.rate(state._to_core(params), np.zeros(len(params.pulleys)))
     expected = state_of(model, rate)
     moves = ("travel", "travel_speed", "mount_friction") if model.n_m else ()
-    for name in ("m", "v", "mu", "a", "p", "omega", *moves):
+    for name in ("m", "v", "mu", "a", "p", "along", "along_speed", "omega", *moves):
         ours, theirs = np.ravel(core[name]), np.ravel(getattr(expected, name))
-        np.testing.assert_allclose(ours, theirs, atol=1e-11 * np.abs(theirs).max(), err_msg=name)
+        largest = np.abs(theirs).max(initial=0.0)
+        np.testing.assert_allclose(ours, theirs, atol=1e-11 * largest, err_msg=name)
 
 
 def core_places(model: Ale, params: bd.Params) -> np.ndarray:
@@ -94,7 +111,7 @@ def core_places(model: Ale, params: bd.Params) -> np.ndarray:
 
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize("speed", [-63.0, 63.0])
-@pytest.mark.parametrize("scene", [scene_u, idler_scene, *MOUNTED])
+@pytest.mark.parametrize("scene", [scene_u, idler_scene, light_scene, *MOUNTED])
 def test_its_jacobian_is_that_of_the_oracle(scene: Any, speed: float) -> None:
     """Entries times the scales of errors, with W held, against central differences. What speeds
     do to the length of an arc's cell, by v^2, is left out: 1e-5 to 1e-3 of the rest."""
@@ -140,12 +157,13 @@ def test_its_steps_are_those_of_the_oracle() -> None:
         y = runs.bounded(model, runs.relaid(model, y, before, h))
     expected = state_of(model, y)
     assert np.abs(model.held[1] - first).max() > 1e-3
-    for name in ("m", "v", "mu", "a", "p", "omega"):
+    for name in ("m", "v", "mu", "a", "p", "along", "along_speed", "omega"):
         ours, theirs = np.ravel(getattr(found.final_state, name)), np.ravel(getattr(expected, name))
-        np.testing.assert_allclose(ours, theirs, atol=1e-9 * np.abs(theirs).max(), err_msg=name)
+        largest = np.abs(theirs).max(initial=0.0)
+        np.testing.assert_allclose(ours, theirs, atol=1e-9 * largest, err_msg=name)
 
 
-@pytest.mark.parametrize("scene", [scene_u, sliding_scene])
+@pytest.mark.parametrize("scene", [scene_u, sliding_scene, light_scene, light_sliding_scene])
 def test_it_hangs_at_rest_under_its_weight(scene: Any) -> None:
     """Without friction nothing moves, but for what the energy of bending has of a stretch that
     changes by 1e-5 along an arc, 0.05 m/s^2; spans sag as strings do.
@@ -158,7 +176,8 @@ def test_it_hangs_at_rest_under_its_weight(scene: Any) -> None:
     assert np.abs(rate["travel_speed"]).max(initial=0.0) < 1e-5 * 9.81
     still = bd.settle(attrs.evolve(params, gravity=(0.0, 0.0)), friction=False)
     model = on_mesh_of(params)
-    span = model.geometry(0.0, model.pack()).span
+    geometry = model.geometry(0.0, model.pack())
+    span, across = geometry.span, np.abs(geometry.n[..., 1])
     sags = np.reshape(state.a - still.a, (len(span), -1))[:, 0]
-    weight = params.belt.linear_density * 9.81 / model.h_0
+    weight = params.belt.linear_density * 9.81 * across / model.h_0
     np.testing.assert_allclose(np.abs(sags), weight * span**2 * 4.0 / np.pi**3, rtol=0.1)

@@ -45,6 +45,9 @@ LANDING, EXPLICIT = 1.5, 2.5
 CHEAPER, WORTH = 10.0, 3e5
 #: Error above which a frequency is not returned; margin below the first such frequency.
 AMISS, NEAR = 0.01, 0.97
+#: Angular frequency times the length of a span over the speed of waves along it, above which one
+#: sine wave along each makes frequencies wrong by ``AMISS``, (1/90 - 1/pi^4) of its fourth power.
+ALONG = (AMISS / (1.0 / 90.0 - 1.0 / math.pi**4)) ** 0.25
 
 
 D = TypeVar("D", bound=Drive)
@@ -132,14 +135,17 @@ def finer(params: Drive, error: float, allowed: float) -> str:
 
 
 def trusted(params: Drive, speed: float) -> float:
-    """Return the angular frequency above which lateral modes are wrong, at a belt speed [m/s]."""
+    """Return the angular frequency above which modes of spans are wrong, at a belt speed [m/s]."""
     wave = params._wave_speed
     modes = _modes(params)
     share = min(abs(speed) / wave, 1.0)
     slower = 1.0 - share**2
     amiss = np.flatnonzero(abs(modes_off(share, modes)) > AMISS) if slower > 0.0 else np.zeros(1)
     number = 1 + (int(amiss[0]) if amiss.size else modes)
-    return NEAR * number * math.pi * wave * slower / float(np.max(params.route.spans))
+    longest = float(np.max(params.route.spans))
+    across = NEAR * number * math.pi * wave * slower
+    stretches = math.sqrt(params.belt.axial_stiffness / params.belt.linear_density)
+    return (min(across, ALONG * stretches) if params.info["n_along"] else across) / longest
 
 
 def modes_off(share: float, modes: int) -> Array:
@@ -161,11 +167,13 @@ def describe(params: Drive) -> str:
     cells, arcs = _on_arcs(params), _arcs(params)
     modes = _modes(params)
     most = errors(params, 2.0 * float(params.info["strain_tension"]))
+    along = " and a wave along it" if params.info["n_along"] else ""
     return (
         f"{params.info['n_bodies']} cells that stand still, {cells.min()} to {cells.max()} on a "
         f"pulley, of {1e3 * (arcs / cells).min():.2g} to {1e3 * (arcs / cells).max():.2g} mm, and "
-        f"{modes} sine modes to a span: none at rest, loads up to {percent(most['span_mean'])} of "
-        f"the mean tension, {percent(most['tension'])} of its history, at any speed"
+        f"{modes} sine modes to a span{along}: none at rest, loads up to "
+        f"{percent(most['span_mean'])} of the mean tension, {percent(most['tension'])} of its "
+        "history, at any speed"
     )
 
 

@@ -82,7 +82,7 @@ def _zeros(like: str) -> Any:
 
 _NONE = attrs.Factory(lambda: np.empty(0))
 _LINKS, _CELLS, _MODES, _PULLEYS = map(_zeros, ("x", "m", "a", "theta"))
-_MOUNTS, _COUPLINGS = map(_zeros, ("travel", "rim_angle"))
+_MOUNTS, _COUPLINGS, _ALONG = map(_zeros, ("travel", "rim_angle", "along"))
 
 
 @attrs.frozen(kw_only=True, eq=False)
@@ -107,7 +107,8 @@ class Tensions:
 
 def _described(cls: type[State]) -> type[State]:
     """Append what the core's table says of each field to the docstring."""
-    count = {"PULLEYS": "n_p", "MOUNTS": "n_m", "COUPLINGS": "n_c", "MODES": "n_p n"}
+    count = {"PULLEYS": "n_p", "MOUNTS": "n_m", "COUPLINGS": "n_c"}
+    count |= {"MODES": "n_p n", "ALONG": "n_p"}
     ruled(
         cls,
         {name: f"{text} ({count.get(of, 'n_b')},) [{unit}]." for name, of, unit, text in TABLE}
@@ -124,8 +125,10 @@ class State:
     Arrays are copies that cannot be changed. Everything but positions and angles is zero if not
     given; of what a drive does not have arrays are empty: ``x`` to ``vphi`` are of links, ``m``,
     ``v``, ``a`` and ``p`` of the cells and spans of an ALE belt (``Belt(mesh="ale")``), in the
-    order of the belt: the span behind pulley 0, the arc of pulley 1, and so on. Across joint 0,
-    between the last link and the first, ``phi`` differs by a whole turn (MODEL section 1).
+    order of the belt: the span behind pulley 0, the arc of pulley 1, and so on; ``along`` and
+    ``along_speed`` of one whose spans weigh as much as its pulleys resist (MODEL section 11.5).
+    Across joint 0, between the last link and the first, ``phi`` differs by a whole turn (MODEL
+    section 1).
 
     ``mu`` is the friction coefficient of Dahl's law (2.9) [1], its part that the bristles carry of
     LuGre, the spring's stretch of an elastic/plastic one [m], 0 of laws without a state and off the
@@ -156,6 +159,8 @@ class State:
     windup: Array = _COUPLINGS
     a: Array = _NONE
     p: Array = _MODES
+    along: Array = _NONE
+    along_speed: Array = _ALONG
     t: float = 0.0
     residual: float | None = None
 

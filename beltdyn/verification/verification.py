@@ -56,7 +56,7 @@ PARTED, PARTED_RTOL = 100.0, 1e-4
 #: Histories are judged if they are known over this part of the run.
 JUDGED = 0.1
 
-_SPEEDS = ("vx", "vy", "vphi", "v", "p", "omega")
+_SPEEDS = ("vx", "vy", "vphi", "v", "p", "along_speed", "omega")
 
 
 #: Runs a scene with options, and settles a drive.
@@ -308,7 +308,7 @@ def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -
 
 def _same(one: State, other: State, scale: float) -> bool:
     """Return whether links stand and move alike, positions to 1e-9 of a scale [m]."""
-    places = ["x", "y", "phi", "m", "a", "mu", "slip"]
+    places = ["x", "y", "phi", "m", "a", "along", "mu", "slip"]
     if one.mu.shape != other.mu.shape:  # states of laws with other numbers of them
         if one.mu.any() or other.mu.any():
             return False

@@ -282,8 +282,12 @@ def masses(params: Params, core: Mapping[str, Any]) -> dict[str, Array]:
     }
     if params._belt_facts["flows"]:
         m, each = np.asarray(core["m"]), np.size(core["p"]) // len(params.pulleys)
-        nodes, spans = 0.5 * (m + np.roll(m, 1)), np.repeat(0.5 * m[params._cells < 0], each)
-        found |= {"v": params.belt.linear_density * nodes, "p": params.belt.linear_density * spans}
+        nodes, spans = 0.5 * (m + np.roll(m, 1)), 0.5 * m[params._cells < 0]
+        along = spans[: np.size(core["along"])]  # what waves along spans have their ends lack
+        for end in (0, 1) if along.size else ():
+            nodes[np.roll(params._cells < 0, end)] -= 8.0 / np.pi**2 * along
+        sizes = {"v": nodes, "p": np.repeat(spans, each), "along_speed": along}
+        found |= {name: params.belt.linear_density * size for name, size in sizes.items()}
     return found
 
 

@@ -165,7 +165,7 @@ class Modes:
             )
         if self.left_out:
             rows.append(f"  left out for strong damping: {self.left_out} mode(s) below the last")
-        upto = f" to {self.beyond:.3g} Hz, where the mesh lacks modes across spans"
+        upto = f" to {self.beyond:.3g} Hz, where the mesh lacks modes of spans"
         upto = upto if np.isfinite(self.beyond) else " on"
         rows.append(f"  searched from {self.band[0]:.3g} Hz{upto}")
         return above, modes, rows

@@ -301,7 +301,7 @@ def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
 
 def _shapes(linear: Linear, found: Found, values: Complex) -> Shapes:
     """Return vectors of which the largest displacement is 1 m, as fields."""
-    place = np.isin(linear.names, ["x", "y", "a", "theta", "travel"])
+    place = np.isin(linear.names, ["x", "y", "a", "along", "theta", "travel"])
     moved = np.where(place[:, None], found.vectors / linear.norms(1.0)[:, None], 0.0)
     largest = moved[np.argmax(abs(moved), axis=0), np.arange(values.size)]
     scaled = np.asarray(found.vectors / largest)

@@ -70,7 +70,8 @@ def _of_belt(linear: Linear, vectors: Complex, energy: Mapping[str, Array]) -> t
     if linear.params._belt_facts["flows"]:
         modes = energy["p"]
         across = modes.reshape(n, n_p, modes.shape[1] // n_p).sum(axis=2)
-        return energy["v"].sum(axis=1) + across.sum(axis=1), across
+        along = energy["v"].sum(axis=1) + energy["along_speed"].sum(axis=1)
+        return along + across.sum(axis=1), across
     vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
     across = np.zeros((n, n_p))
     for k in range(n_p):

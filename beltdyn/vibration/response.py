@@ -236,7 +236,7 @@ def _forces(linear: Linear, vectors: Complex, theta: Complex, omega: Complex) ->
     """Return the forces in the joints (n_f, n_b), linear in the motion: by central differences."""
     model = linear.params._model
     size = linear.norms(1.0)
-    place = np.isin(linear.names, ["x", "y", "m", "a", "theta", "travel"])
+    place = np.isin(linear.names, ["x", "y", "m", "a", "along", "theta", "travel"])
     out = []
     for f in range(vectors.shape[1]):
         largest = np.abs(vectors[place, f] / size[place]).max()

@@ -58,7 +58,7 @@ typedef struct bd_layout {
     };
   };
   int work;
-  int modes, n_modes;           /* of a span; of all */
+  int modes, n_modes, n_along;  /* of a span; of all; waves along spans */
   int nm, nc;                   /* mounts, couplings, */
   const int *mounted, *coupled; /* and their pulleys */
   const int *rim;               /* by pulley the entry of the speed of what the belt runs on */

@@ -21,7 +21,7 @@ struct bd_ale_drive {
   double linear_density, axial_stiffness, axial_damping, bending_stiffness, bending_damping;
   double quadratic, linear; /* c1', c2' */
   double gravity[2], rest;
-  int moving;
+  int moving, along; /* axes do, or may; spans have a wave along them */
   bd_ale_pulley *pulleys;
 };
 
@@ -147,6 +147,7 @@ double bd_ale_push(const bd_plan *plan, const double *y, int j, double force[2])
 void bd_ale_contact_outputs(bd_plan *plan, const double *y, const bd_output *out, size_t k);
 void bd_ale_stored(const bd_plan *plan, const double *y, const bd_joint *unused,
                    double terms[BD_N_ENERGY]);
+void bd_ale_weigh(const bd_model *model, double *weights);
 double bd_ale_error(const bd_plan *plan, const bd_step_sum *of);
 double bd_ale_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);
 

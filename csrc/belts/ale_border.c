@@ -143,7 +143,7 @@ static void add_shear(const filling *f, int i, int end, double *row, double by) 
   const bd_ale_arc *arc = &f->ale->arcs[i];
   const bd_ale_newton *newton = f->newton;
   row += newton->ring.blocks[newton->cell_block[arc->begin + arc->n]].at;
-  for (int c = 0; c < BD_ALE_OF_SPAN; ++c) {
+  for (int c = 0; c < bd_ale_unknowns(f->ale->along); ++c) {
     row[c] += by * newton->shear_row[2 * i + end][c];
   }
 }

@@ -234,6 +234,16 @@ static void put_moves(bd_ale_moves *moves) {
   moves->total[0][BD_ALE_FIRST] = moves->total[1][BD_ALE_LAST] = moves->fills[BD_ALE_FILLS] = 1.0;
 }
 
+/* Rows of the wave along a span, of column c; by it the force on either end. */
+static double by_along(const bd_ale_span *span, int c, double *to) {
+  const double rate = c == 1 || c == 2 ? -BD_ALE_SHARE : c == BD_ALE_ALONG + 1 ? 1.0 : 0.0;
+  const double force =
+      span->along_damping * rate + (c == BD_ALE_ALONG ? span->along_stiffness : 0.0);
+  to[BD_ALE_ALONG] = rate;
+  to[BD_ALE_ALONG + 1] = -BD_ALE_SHARE / span->along_inertia * force;
+  return force;
+}
+
 /* Columns of a span's own unknowns. */
 static void fill_span(const filling *f, const bd_ale_kernels *kernels, int i) {
   const bd_ale *ale = f->ale;
@@ -248,7 +258,8 @@ static void fill_span(const filling *f, const bd_ale_kernels *kernels, int i) {
   bd_ale_answers *answers = &f->newton->answers[i];
   const double of_v[2] = {f->newton->slopes.total[1][BD_ALE_V_AFTER][slot - 1],
                           f->newton->slopes.total[0][BD_ALE_V][after]};
-  for (int c = 0; c < BD_ALE_OF_SPAN; ++c) {
+  const int unknowns = bd_ale_unknowns(ale->along);
+  for (int c = 0; c < unknowns; ++c) {
     const int n = c < 3 + K ? c - 3 : c - 3 - K;
     double *const to = row->cells[1] + c * row->lead;
     span_move by = {.m = c == 0 ? 1.0 : 0.0, .past = c == 1 || c == 2 ? 0.5 : 0.0};
@@ -263,11 +274,12 @@ static void fill_span(const filling *f, const bd_ale_kernels *kernels, int i) {
       by.a[n] = 1.0;
       elastic = -span->stretch * span->per_slope * stretch_by_mode(span, n);
       damping = damped * drawn_by_mode(span, n);
-    } else {
+    } else if (c < BD_ALE_ALONG) {
       by.p[n] = 1.0;
       to[3 + n] = 1.0;
       damping = damped * span->draws[n];
     }
+    const double along = ale->along ? by_along(span, c, to) : 0.0;
     by.pull = elastic + damping;
     by.stretch = elastic / EA;
     carries -= through * apart / span->stretch * by.stretch;
@@ -285,14 +297,14 @@ static void fill_span(const filling *f, const bd_ale_kernels *kernels, int i) {
       const double sign = end == 0 ? 1.0 : -1.0, per = ale->per_stretch[node];
       const double own = c == 1 + end ? 1.0 : 0.0;
       bends[end] = 0.5 * (ale->bent[node] - ale->bent[node - 1]) * per * per * by.stretch;
-      const double rolls = c < 3 + K ? own : bd_ale_rolls(span, end, n);
+      const double rolls = c < 3 + K || c >= BD_ALE_ALONG ? own : bd_ale_rolls(span, end, n);
       by.losing[end] = rolls * span->per_losing[end];
       if (span->per_bending[end] > 0.0) {
         by.losing[end] +=
             span->losing[end] * span->per_bending[end] / span->per_losing[end] * rises * pressing;
       }
       by.total[end] = sign * by.pull - carries + (c == 0 ? half * by_mass(f, node) : 0.0) -
-                      by.losing[end] - bends[end] + own * of_v[end];
+                      by.losing[end] - bends[end] + own * of_v[end] + along;
       f->newton->shear_row[2 * i + end][c] = shear_by(ale, i, end, &by);
       by.fills += sign * per * (own - 0.5 * ale->flow[node] * by.stretch);
     }
@@ -303,7 +315,7 @@ static void fill_span(const filling *f, const bd_ale_kernels *kernels, int i) {
     }
   }
   kernels->answer(ale, i, f->y, f->dy, f->newton->moves, answers);
-  for (int c = 0; c < BD_ALE_OF_SPAN; ++c) {
+  for (int c = 0; c < unknowns; ++c) {
     double *const to = row->cells[1] + c * row->lead;
     to[1] = answers->v[0][c];
     to[2] = answers->v[1][c];

@@ -27,7 +27,7 @@ static int states_of(const bd_ale_drive *drive, int j) {
 /* Unknowns of block b of arc j, n - 1 of them, and of the span behind it, the n-th. */
 static int unknowns_of(const bd_ale_drive *drive, int j, int b) {
   const int n = drive->pulleys[j].cells;
-  return b == n - 1       ? 3 + 2 * BD_ALE_MODES
+  return b == n - 1       ? bd_ale_unknowns(drive->along)
          : b == n / 2 - 1 ? 3 + 4 * states_of(drive, j)
                           : 2 + 2 * states_of(drive, j);
 }
@@ -228,6 +228,10 @@ static void copy(const bd_ale_newton *newton, const bd_ale *ale, const bd_ale_st
     for (int n = 0; n < BD_ALE_MODES; ++n) {
       COPY(span + n, y->a[j * BD_ALE_MODES + n]);
       COPY(span + BD_ALE_MODES + n, y->p[j * BD_ALE_MODES + n]);
+    }
+    if (ale->along) {
+      COPY(span - 3 + BD_ALE_ALONG, y->along[j]);
+      COPY(span - 3 + BD_ALE_ALONG + 1, y->along_speed[j]);
     }
   }
 #undef COPY

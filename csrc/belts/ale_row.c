@@ -46,6 +46,23 @@ static double counts(const bd_model *model, int j) {
   return model->wraps[j].wrap * fmax(model->radius[j], 0.04);
 }
 
+/* Whether waves along spans count: whether belt follows its ends at once depends on (w S / c)^2, w
+ * the fastest that a pulley turns to and fro on its two spans with half of what they weigh, c the
+ * speed of these waves. Its frequency is then wrong by a ninetieth of the square of that. */
+static int rings_along(const bd_model *model) {
+  const double LEAST = 0.2;
+  const int np = model->lay.np;
+  double most = 0.0;
+  for (int j = 0; j < np; ++j) {
+    const double in = model->wraps[(j + np - 1) % np].span, out = model->wraps[j].span;
+    const double R = model->radius[j], density = model->belt.linear_density;
+    const double belt = model->wraps[j].wrap * R + (in + out) / 3.0;
+    const double mass = model->rim_inertia[j] / (R * R) + density * belt, longest = fmax(in, out);
+    most = fmax(most, density * longest * longest * (1.0 / in + 1.0 / out) / mass);
+  }
+  return most > LEAST;
+}
+
 /* Some n_bodies cells: one of each span, and of an arc, on average, one more than its part, for
  * their number is even. */
 static double shape(bd_model *model) {
@@ -74,6 +91,8 @@ static double shape(bd_model *model) {
     model->lay.n += pulley->cells + 1;
     model->slot[j] = BD_EVERY_SLOT;
   }
+  drive->along = laid && rings_along(model);
+  model->lay.n_along = drive->along ? np : 0;
   model->lay.modes = BD_ALE_MODES;
   model->lay.n_modes = np * BD_ALE_MODES;
   drive->direction = model->wraps[0].sense * model->side[0];
@@ -157,45 +176,6 @@ static void carve(bd_carver *carver, bd_plan *plan, const bd_model *model) {
   belt->spare = bd_ale_state_in(&belt->ale, model->lay.states, states[2]);
 }
 
-/* Of the speed of belt and rim [m/s]: what a wave of the strain at rest has; under a law without a
- * state, whose friction follows it at once, ten times the slip over which that builds up. */
-static double speed_scale(const bd_model *model, int j) {
-  const double waves = sqrt(model->belt.axial_stiffness / model->belt.linear_density);
-  const double wave = model->info.strain * waves, normal = model->drive->rest / model->radius[j];
-  if (model->friction[j].law == BD_LAW_NONE || bd_friction_states(&model->friction[j]) > 0) {
-    return wave;
-  }
-  const bd_friction_stiffness law = bd_friction_stiffness_of(model, j, normal);
-  return fmin(wave, 10.0 * bd_friction_kinetic(model, j) * normal / law.damping);
-}
-
-/* Metres by what their stretch at rest is worth, modes by 1/700 of the belt: tension goes by the
- * square of their slopes, so that errors of theirs are worth less. Histories of drive U and of
- * seven pulleys then err by 0.2 to 0.5 % at rtol 1e-2; by a three-hundredth of each span, which is
- * less, short spans would set the steps. */
-static void weigh(const bd_model *model, double *weights) {
-  const bd_layout *lay = &model->lay;
-  const double MODES = 700.0, strain = model->info.strain;
-  double *m = bd_field(lay, weights, F_M), *v = bd_field(lay, weights, F_V);
-  for (int i = 0, c = 0; i < lay->np; ++i) {
-    const int j = (i + 1) % lay->np, cells = model->drive->pulleys[j].cells;
-    const double span = model->wraps[i].span, arc = model->wraps[j].wrap * model->radius[j];
-    const double across = sqrt(model->drive->rest / model->belt.linear_density);
-    const double speed = speed_scale(model, j);
-    m[c] = 1.0 / (span * strain);
-    for (int k = 0; k < cells; ++k) {
-      m[++c] = cells / (arc * strain);
-      v[c] = 1.0 / speed;
-    }
-    v[++c % lay->n] = 1.0 / speed;
-    for (int n = 0; n < lay->modes; ++n) {
-      weights[lay->a + i * lay->modes + n] = MODES / model->belt.length;
-      weights[lay->p + i * lay->modes + n] = MODES / model->belt.length * span / (BD_PI * across);
-    }
-    weights[lay->omega + j] = fmax(weights[lay->omega + j], model->radius[j] / speed);
-  }
-}
-
 /* --- states in and out ------------------------------------------------------------------------ */
 
 /* A field of a state vector and its slabs: an arc and the span behind it stand together in both,
@@ -228,7 +208,7 @@ static void copy(const bd_plan *plan, double *y, const bd_ale_state *slabs, int 
   const bd_layout *lay = &plan->model->lay;
   const bd_ale *ale = &plan->ale->ale;
   const int states = lay->slots > 0 ? lay->states : 0;
-  const size_t modes = (size_t)lay->n_modes * sizeof *y;
+  const size_t modes = (size_t)lay->n_modes * sizeof *y, along = (size_t)lay->n_along * sizeof *y;
   copy_field(ale, bd_field(lay, y, F_M), slabs->m, into);
   copy_field(ale, bd_field(lay, y, F_V), slabs->v, into);
   for (int k = 0; k < lay->slots * states; ++k) {
@@ -237,6 +217,9 @@ static void copy(const bd_plan *plan, double *y, const bd_ale_state *slabs, int 
   }
   memcpy(into ? slabs->a : y + lay->a, into ? y + lay->a : slabs->a, modes);
   memcpy(into ? slabs->p : y + lay->p, into ? y + lay->p : slabs->p, modes);
+  memcpy(into ? slabs->along : y + lay->along, into ? y + lay->along : slabs->along, along);
+  memcpy(into ? slabs->along_speed : y + lay->along_speed,
+         into ? y + lay->along_speed : slabs->along_speed, along);
 }
 
 void bd_ale_read(const bd_plan *plan, const double *y, const bd_ale_state *slabs) {
@@ -571,7 +554,7 @@ const bd_belt_model bd_belt_ale = {
     .carve_drive = carve_drive,
     .shape = shape,
     .cells = cells,
-    .weigh = weigh,
+    .weigh = bd_ale_weigh,
     .set_going = bd_ale_set_going,
     .rest = bd_ale_rest,
     .carve = carve,

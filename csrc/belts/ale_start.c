@@ -15,6 +15,12 @@ void bd_ale_set_going(const bd_plan *plan, double *y, double speed) {
   for (int c = 0; c < lay->n; ++c) {
     v[c] = flow / ale->per_stretch[plan->ale->slot[c]];
   }
+  for (int i = 0; i < lay->n_along; ++i) {
+    const bd_ale_arc *arc = &ale->arcs[i];
+    const int first = arc->begin + arc->n, last = ale->arcs[arc->next].begin;
+    y[lay->along_speed + i] =
+        BD_ALE_SHARE * flow * (1.0 / ale->per_stretch[first] + 1.0 / ale->per_stretch[last]);
+  }
   for (int k = 0; k < lay->n_modes; ++k) {
     y[lay->p + k] = ale->spans[k / lay->modes].moved[k % lay->modes];
   }

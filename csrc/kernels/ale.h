@@ -109,6 +109,9 @@ typedef struct bd_ale_span {
   double lateral, first, added, quickens, matrix[3];
   double carried, per_path; /* rhoA c / lambda; path by what draws the span out */
   double coupling;          /* inertia by which mounts at both ends feel each other */
+  /* a wave along it: inertia that either end lends it, force on either by it and by its rate; its
+   * rate, and that force */
+  double along_inertia, along_stiffness, along_damping, along_rate, along_force;
 } bd_ale_span;
 
 /* A block of numbers by slot each. Fixed: of nodes the fraction of the wrap, 1 in cells of arcs,
@@ -139,6 +142,7 @@ typedef struct bd_ale {
   double gravity[2], rest;                                        /* H0 */
   double elapsed; /* in the step, at whose end ends of wraps are renewed */
   int moving;     /* axes do, or may: geometry is laid anew, and forces on these are known */
+  int along;      /* spans have a wave along them */
   int everywhere; /* forces on all axes are wanted */
   double odd[BD_ALE_MODES], parts[2][BD_ALE_MODES];
   double left_over[3]; /* of a span's consistent mass what its modes do not carry */
@@ -151,9 +155,9 @@ typedef struct bd_ale {
 } bd_ale;
 
 /* A state, or its rates: m, v by slot; z of both ends of cells, an element `stride` after the
- * other; a and p by span, `modes` each. */
+ * other; a and p by span, `modes` each; waves along spans and their speeds. */
 typedef struct bd_ale_state {
-  double *m, *v, *z[2], *a, *p;
+  double *m, *v, *z[2], *a, *p, *along, *along_speed;
   int stride;
 } bd_ale_state;
 
@@ -168,9 +172,10 @@ typedef struct bd_ale_slopes {
   double *rate[2][BD_ALE_BYS], *rate_z[2], *total_z[2];
 } bd_ale_slopes;
 
-/* Unknowns of a span; what moves its first node, its last one, the rate of its metres. One more of
- * each moves all that the rates of a span depend on by so much, and these answer. */
-enum { BD_ALE_OF_SPAN = 3 + 2 * BD_ALE_MODES };
+/* Unknowns of a span, with a wave along it; what moves its first node, its last one, the rate of
+ * its metres. One more of each moves all that the rates of a span depend on by so much, and these
+ * answer. */
+enum { BD_ALE_ALONG = 3 + 2 * BD_ALE_MODES, BD_ALE_OF_SPAN = BD_ALE_ALONG + 2 };
 enum { BD_ALE_FIRST = BD_ALE_OF_SPAN, BD_ALE_LAST, BD_ALE_FILLS, BD_ALE_MOVES = 16 };
 
 typedef struct bd_ale_moves {
@@ -244,6 +249,14 @@ extern const bd_ale_kernels bd_ale_avx2, bd_ale_avx512;
 /* X and A_n are taken between these shares of H0. */
 #define BD_ALE_LEAST 0.02
 #define BD_ALE_MOST 30.0
+
+/* Of a span. */
+static inline int bd_ale_unknowns(int along) {
+  return along ? BD_ALE_OF_SPAN : BD_ALE_ALONG;
+}
+
+/* Of both ends' speeds what a wave along the span has with its own rate: 2 / pi. */
+#define BD_ALE_SHARE 0.63661977236758134
 
 /* As fmax and fmin, which compilers call: a, or the bound where a is beyond it or none. */
 static inline double bd_at_least(double a, double least) {
@@ -329,6 +342,11 @@ static inline void bd_ale_fade(const bd_ale_roots *roots, double x, double *co, 
 static inline double bd_ale_pressed(const bd_ale *ale, double depth) {
   const double sunk = bd_at_least(depth, 0.0);
   return ale->quadratic * sunk * sunk * sunk / 3.0 + 0.5 * ale->linear * depth * depth;
+}
+
+/* What weight does to the wave along a span, as a force on either end. */
+static inline double bd_ale_hung_along(const bd_ale *ale, const bd_ale_span *span) {
+  return 2.0 * span->along_inertia * (ale->gravity[0] * span->e[0] + ale->gravity[1] * span->e[1]);
 }
 
 /* lambda_n / k^2 less the force that presses the span. */

@@ -173,21 +173,35 @@ INLINE void carry_speed(bd_ale *ale, const bd_ale_state *y, int j) {
   ale->carried_n[last] = through * (ale->across[after] - ale->across[last]);
 }
 
-/* Both ends of a span: consistent mass and the reaction of its modes together. */
+/* A wave along a span, of whose rate its own speed is that less what both ends have of it. */
+INLINE void ring_along(const bd_ale *ale, bd_ale_span *span, const bd_ale_state *y,
+                       const bd_ale_state *dy, int i, double ends) {
+  if (ale->along) {
+    const double rate = y->along_speed[i] - BD_ALE_SHARE * ends;
+    span->along_rate = dy->along[i] = rate;
+    span->along_force = span->along_stiffness * y->along[i] + span->along_damping * rate -
+                        bd_ale_hung_along(ale, span);
+    dy->along_speed[i] = -BD_ALE_SHARE / span->along_inertia * span->along_force;
+  }
+}
+
+/* Both ends of a span: consistent mass, the reaction of its modes and its wave together. */
 INLINE void pull_ends(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy, int i) {
   bd_ale_span *span = &ale->spans[i];
   const bd_ale_arc *arc = &ale->arcs[i];
   const int k = arc->begin + arc->n, after = ale->arcs[arc->next].begin;
   const double density = ale->density, m = y->m[k], mu = density * m / 6.0;
   const double quarter = 0.25 * span->added, half = 0.5 * span->first;
-  const double lags[2] = {ale->lags[k - 1], ale->lags[after]};
+  const double lags[2] = {ale->lags[k - 1], ale->lags[after]}, lent = span->along_inertia;
+  ring_along(ale, span, y, dy, i, y->v[k] + y->v[after]);
+  const double both = span->along_force - half;
   const double f_0 =
-      ale->total[k] + span->lateral - half - span->losing[0] - lags[0] * dy->v[k - 1];
+      ale->total[k] + span->lateral + both - span->losing[0] - lags[0] * dy->v[k - 1];
   const double f_1 =
-      ale->total[after] - span->lateral - half - span->losing[1] - lags[1] * dy->v[after + 1];
-  const double k_00 = 0.5 * density * (m + y->m[k - 1]) - mu + quarter + lags[0];
-  const double k_11 = 0.5 * density * (m + y->m[after]) - mu + quarter + lags[1];
-  const double k_01 = mu + quarter, per = 1.0 / (k_00 * k_11 - k_01 * k_01);
+      ale->total[after] - span->lateral + both - span->losing[1] - lags[1] * dy->v[after + 1];
+  const double k_00 = 0.5 * density * (m + y->m[k - 1]) - mu + quarter - lent + lags[0];
+  const double k_11 = 0.5 * density * (m + y->m[after]) - mu + quarter - lent + lags[1];
+  const double k_01 = mu + quarter - lent, per = 1.0 / (k_00 * k_11 - k_01 * k_01);
   span->matrix[0] = k_11 * per; /* its inverse */
   span->matrix[1] = -k_01 * per;
   span->matrix[2] = k_00 * per;

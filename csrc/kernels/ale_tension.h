@@ -572,7 +572,8 @@ INLINE void freeze_arc(bd_ale *ale, const bd_ale_state *y, int j) {
     ale->deep_a[slot] = lies ? 1.0 + ale->end_a[slot] / (to - from) : 1.0;
     ale->deep_b[slot] = lies ? 1.0 + ale->end_b[slot] / (to - from) : 1.0;
     const wrap_end *end = &ends[2 * k >= arc->n];
-    ale->roll[slot] = arc->side * arc->radius / bd_at_least(end->touch, 0.5 / bd_ale_slowest(&end->roots));
+    ale->roll[slot] =
+        arc->side * arc->radius / bd_at_least(end->touch, 0.5 / bd_ale_slowest(&end->roots));
   }
   lean_ends(ale, arc, ends, length);
 }

@@ -516,6 +516,7 @@ int bd_model_create(bd_model **out, const bd_scene *scene, bd_error *err) {
     const double shortest = model->belt_model->shape(model);
     derive(model, model->lay.n, shortest);
     model->info.n_modes = model->lay.n_modes;
+    model->info.n_along = model->lay.n_along;
   }
   check_room(model);
   lay_out(model, np, model->has_friction ? model->colours : 0, bd_friction_most_states(model),

@@ -63,6 +63,8 @@ int bd_field_length(const bd_layout *lay, int row) {
     return lay->nc;
   case BD_SIZE_MODES:
     return lay->n_modes;
+  case BD_SIZE_ALONG:
+    return lay->n_along;
   default:
     return lay->n;
   }

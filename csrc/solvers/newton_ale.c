@@ -53,6 +53,10 @@ static void place_unknowns(struct bd_ale_system *own, const bd_model *model) {
       modes[n] = lay->a + i * lay->modes + n;
       modes[lay->modes + n] = lay->p + i * lay->modes + n;
     }
+    if (lay->n_along > 0) {
+      modes[2 * lay->modes] = lay->along + i;
+      modes[2 * lay->modes + 1] = lay->along_speed + i;
+    }
   }
 }
 
@@ -150,8 +154,9 @@ static double shear_of(const struct bd_ale_system *own, int s, const double *x) 
   const bd_ale_block *blocks = own->newton.ring.blocks;
   const double *row = own->newton.shear_row[s];
   double sum = 0.0;
-  x += blocks[own->span_block[s / 2]].at;
-  for (int c = 0; c < BD_ALE_OF_SPAN; ++c) {
+  const bd_ale_block *span = &blocks[own->span_block[s / 2]];
+  x += span->at;
+  for (int c = 0; c < span->n; ++c) {
     sum += row[c] * x[c];
   }
   return sum;
@@ -378,12 +383,12 @@ static void put_shears(const bd_reading *r, int i) {
   const struct bd_ale_system *own = r->system->ale;
   const bd_ale_ring *ring = &own->newton.ring;
   const int block = own->span_block[i];
+  const bd_ale_block *span = &ring->blocks[block];
   for (int b = 0; b < ring->n; ++b) {
     const int away = (b - block + ring->n) % ring->n;
-    for (int k = 0; k < ring->blocks[b].n * BD_ALE_OF_SPAN && away > 1 && away < ring->n - 1; ++k) {
-      const int u = ring->blocks[b].at + k / BD_ALE_OF_SPAN, c = k % BD_ALE_OF_SPAN;
-      bd_newton_put(r->to, own->entry[u], own->entry[ring->blocks[block].at + c],
-                    by_shears(own, i, u, c));
+    for (int k = 0; k < ring->blocks[b].n * span->n && away > 1 && away < ring->n - 1; ++k) {
+      const int u = ring->blocks[b].at + k / span->n, c = k % span->n;
+      bd_newton_put(r->to, own->entry[u], own->entry[span->at + c], by_shears(own, i, u, c));
     }
   }
 }
