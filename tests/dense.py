@@ -27,6 +27,7 @@ Vector = Callable[[Array], Array]
 
 STRETCH = 1e-4  # m
 MOUNT_STATES = ("travel", "travel_speed", "mount_friction")
+ALE_STATES = ("m", "v", "a", "p", "along", "along_speed")
 COUPLING_STATES = ("rim_angle", "rim_speed", "windup")  # of reference_couplings.py
 BORDER = ("theta", "omega", *MOUNT_STATES)  # each of which may know of every link
 CURVED = ("x", "y", "phi", "vx", "vy", "vphi", "omega", *MOUNT_STATES[:2])

@@ -266,7 +266,7 @@ def test_rates_and_energies_are_those_of_the_oracle(name: str) -> None:
     expected = oracle.unpack(oracle.rhs(state["t"], y, lambda t, theta, omega: torque))
     rate = params._model.rate(state, torque)
     scales = scales_of(rate, params)
-    unknown = {"t", "m", "v", "a", "p", *dense.COUPLING_STATES} | (
+    unknown = {"t", *dense.ALE_STATES, *dense.COUPLING_STATES} | (
         {"phi", "vphi"} if oracle.freedoms == 2 else set()
     )
     for key in rate.keys() - unknown:

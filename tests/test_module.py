@@ -43,7 +43,7 @@ def test_tables_are_what_the_objects_use(model, rest):
     state_names = [name for name, *_ in _core.STATE_FIELDS]
     assert list(simulation.state()) == ["t", *state_names]
     assert list(model.rate(rest, [0, 0])) == state_names
-    of_some = ("MOUNTS", "COUPLINGS", "MODES", "FLOW")
+    of_some = ("MOUNTS", "COUPLINGS", "MODES", "ALONG", "FLOW")
     outputs = [name for name, _, size, *_ in _core.OUTPUTS if size not in of_some]
     assert list(simulation.sample([0.0])) == [*outputs, "pulley"]
     assert list(simulation.stats) == [name for name, _ in _core.STATS]
@@ -195,6 +195,7 @@ def test_model_info(model):
         "n_slots",
         "n_states",
         "n_modes",
+        "n_along",
         "winding",
     }
     assert {name for name, value in info.items() if isinstance(value, int)} == integers

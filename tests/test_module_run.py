@@ -66,7 +66,7 @@ def refused_by_all(model, state, kind, message):
             use()
 
 
-OF_SOME = ("MOUNTS", "COUPLINGS", "CELLS", "MODES", "FLOW")
+OF_SOME = ("MOUNTS", "COUPLINGS", "CELLS", "MODES", "ALONG", "FLOW")
 #: What a drive of links without mounts has; what it has none of may be left out.
 FIELDS = [row[:2] for row in _core.STATE_FIELDS if row[1] not in OF_SOME]
 
