@@ -197,13 +197,6 @@ begun = _core.Simulation(model, rest, TORQUE, 1e-3)
 begun.advance(0.0)
 sampled = lambda: _core.Simulation(model, rest, call, 1e-3).sample(t)
 ring = np.linspace(0.0, 1.0, 24)
-
-def attempt(use):
-    try:
-        use()
-    finally:  # before the loop below allocates anything
-        _testcapi.remove_mem_hooks()
-
 for name, use in {
     "model": lambda: _core.Model(**SCENE),
     "info": lambda: (model.info, model.friction, model.rest, model.energy_terms),
@@ -224,9 +217,15 @@ for name, use in {
     for k in range(1, 5000):
         _testcapi.set_nomemory(k, k + 1)
         try:
-            how = attempt(use)
-        except BaseException as error:
-            how = type(error)
+            try:
+                use()
+                how = None
+            except BaseException as error:
+                how = type(error)
+            finally:
+                _testcapi.remove_mem_hooks()
+        except MemoryError:  # of Python's own, on its way from an error to what handles it
+            how = MemoryError
         if how is None or how is ValueError and name == "refused" and k > 200:
             break
         assert how is MemoryError or name == "refused" and how is ValueError, (name, k, how)
