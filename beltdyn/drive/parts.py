@@ -57,8 +57,8 @@ class Belt(Printable):
             whatever the mesh, contact and friction; None: it follows from length or mounts.
         n_bodies: Number of rigid links, n_b, an integer >= 3. Links of stress-free length L / n_b
             are joined by the springs and dampers of (2.2). For an ALE belt, about the number of
-            cells; None (ALE belts only): chosen, cells of some 12 mm on the pulleys.
-            ``params.n_bodies`` is the actual number.
+            cells; None (ALE belts only): chosen, cells of some 12 mm on the pulleys, of half of
+            that where a friction law has no state. ``params.n_bodies`` is the actual number.
         linear_density: Mass per length, rho A [kg/m], > 0.
         axial_stiffness: EA [N], > 0.
         axial_damping: eta A [N s], >= 0.
