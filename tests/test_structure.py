@@ -79,7 +79,7 @@ def test_imports_of_the_package_go_one_way_and_have_no_circle() -> None:
     files = modules()
     drawing = ("matplotlib", "beltdyn.plot", "beltdyn.accuracy.study_figures")
     rooms = ("beltdyn.explaining", "beltdyn.report", "beltdyn.sweeping")
-    heavy = ("cattrs", "rich", "tomli_w", *drawing, *rooms, "beltdyn_kubas")
+    heavy = ("rich", "tomli_w", *drawing, *rooms, "beltdyn_kubas")
     graph: Graph = {}
     for name, file in files.items():
         tree = ast.parse(file.read_text("utf-8"))

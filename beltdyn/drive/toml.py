@@ -1,8 +1,8 @@
 """Reading and writing TOML: tables and the classes they stand for.
 
 Errors name the path of the field. The documents of a drive and of a scene are put together in
-:mod:`beltdyn.drive.params` and :mod:`beltdyn.scenes`, which use this module. cattrs and tomli-w are
-imported on first use, so that ``import beltdyn`` takes little time.
+:mod:`beltdyn.drive.params` and :mod:`beltdyn.scenes`, which use this module. tomli-w is imported on
+first use, so that ``import beltdyn`` takes little time.
 """
 
 from __future__ import annotations
@@ -10,25 +10,22 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Callable, Mapping
-from functools import cache, partial
-from operator import eq
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, cast, get_args, get_origin
+from typing import Any, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
 
 import attrs
 import numpy as np
 
 from ..base import files
-from ..base.checks import Array, close_to, shown, unknown_field
-from ..base.naming import PulleyLike
+from ..base.checks import close_to, shown, unknown_field
 from ..loads.loads import Harmonics, Load, Motor, Ramp, SpeedTable, Step
 from ..loads.motions import AngleTable, CrankMotion
 from ..loads.torques import PiecewiseLinear, Torque, Viscous
 from .couplings import Coupling
 from .friction import LAWS, Friction, Frictionless
-from .mounts import Mount, Stops
-from .tensioning import Offsets
+from .mounts import Mount
 
 _T = TypeVar("_T")
 
@@ -65,160 +62,80 @@ SCENE_ONLY = ("t_end", "torque")
 
 Source = str | os.PathLike[str]
 
-_ARRAY = "must be an array of tables"
-_PLAIN = (
-    Array,
-    tuple[float, ...],
-    tuple[float, float],
-    tuple[float, float] | None,
-    Offsets,
-    Stops,
-    int | None,
-    float | None,
-    bool | None,
-    PulleyLike,
-    PulleyLike | None,
-)
 
-
-def _table(value: Any) -> dict[str, Any]:
+def _table(value: Any, path: str) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise ValueError(f"must be a table, got {shown(value)}")
-    return value
-
-
-def _is_list_of_tables(kind: Any) -> bool:
-    return get_origin(kind) is tuple and (
-        attrs.has(get_args(kind)[0]) or get_args(kind)[0] is Torque
-    )
-
-
-@cache
-def _converter() -> Any:
-    import cattrs
-    from cattrs.gen import make_dict_structure_fn, make_dict_unstructure_fn
-
-    converter = cattrs.Converter(forbid_extra_keys=True)
-
-    def by_kind(kinds: Mapping[str, type], default: str | None) -> Callable[[Any, Any], Any]:
-        def structure(value: Any, _kind: Any) -> Any:
-            fields = dict(_table(value))
-            kind = fields.pop("kind", default)
-            known = {field.name for field in attrs.fields(kinds[default])} if default else set()
-            if "kind" not in _table(value) and fields and not known & set(fields):
-                kind = None  # of another kind than that which is meant without
-            if "law" in fields and kinds is _FRICTION:
-                raise ValueError("this.law: unknown field (did you mean 'kind'?)")
-            if not isinstance(kind, str) or kind not in kinds:
-                got = "it is missing" if kind is None else f"got {shown(kind)}"
-                got += close_to(kind, kinds) if isinstance(kind, str) else ""
-                raise ValueError(f"this.kind must be one of {', '.join(kinds)}, {got}")
-            return converter.structure(fields, kinds[kind])
-
-        return structure
-
-    def table_of(cls: Any) -> Callable[[Any, Any], Any]:
-        structure: Any = make_dict_structure_fn(cls, converter, _cattrs_forbid_extra_keys=True)
-        return lambda value, kind: structure(_table(value), kind)
-
-    def filled(cls: Any) -> Callable[[Any], dict[str, Any]]:
-        """Leave out what is None; say which kind a part of a drive is."""
-        fields: Any = make_dict_unstructure_fn(cls, converter)
-        kind = {"kind": _KIND_OF[cls]} if issubclass(cls, (Friction, Mount, Coupling)) else {}
-
-        def unstructure(value: Any) -> dict[str, Any]:
-            return kind | {name: one for name, one in fields(value).items() if one is not None}
-
-        return unstructure
-
-    def list_of(value: Any, kind: Any) -> Any:
-        if not isinstance(value, list):
-            raise ValueError(_ARRAY)
-        element: Any = get_args(kind)[0]
-        return converter.structure(value, cast(Any, list[element]))
-
-    # Plain values pass unchanged: the classes check them against their rules.
-    for kind in (bool, float, int, str):
-        converter.register_structure_hook(kind, lambda value, _kind: value)
-    converter.register_structure_hook_func(
-        lambda kind: kind in _PLAIN,
-        lambda value, _kind: value,
-    )
-    converter.register_structure_hook_factory(attrs.has, table_of)
-    converter.register_structure_hook_func(_is_list_of_tables, list_of)
-    for declared, kinds, default in _BY_KIND:
-        converter.register_structure_hook_func(partial(eq, declared), by_kind(kinds, default))
-    # Also a field of others, which may take a number in its place, or refuse it.
-    of_table = table_of(PiecewiseLinear)
-    converter.register_structure_hook_func(
-        lambda kind: kind is PiecewiseLinear,
-        lambda value, kind: of_table(value, kind) if isinstance(value, dict) else value,
-    )
-    converter.register_unstructure_hook_factory(attrs.has, filled)
-    converter.register_unstructure_hook_func(lambda kind: kind is Friction, converter.unstructure)
-    converter.register_unstructure_hook_func(lambda kind: kind == Array, np.ndarray.tolist)
-    converter.register_unstructure_hook(PiecewiseLinear, _history_table)
-    return converter
-
-
-def _history_table(value: PiecewiseLinear) -> dict[str, Any]:
-    one = value.values.shape[1] == 1
-    pulley = {} if value.pulley is None else {"pulley": value.pulley}
-    values = value.values[:, 0] if one else value.values
-    return {"t": value.t.tolist(), "values": values.tolist(), **pulley}
+        raise ValueError(f"{path}: must be a table, got {shown(value)}")
+    return dict(value)
 
 
 def _join(path: str, field: str) -> str:
     return f"{path}.{field}" if path else field
 
 
-def _explain(error: BaseException, path: str) -> str:
-    """Describe the first error, in one line that names the path of the field."""
-    from cattrs.errors import (
-        ClassValidationError,
-        ForbiddenExtraKeysError,
-        IterableValidationError,
-    )
-
-    if isinstance(error, (ClassValidationError, IterableValidationError)):
-        noted, others = error.group_exceptions()
-        # Unknown fields first: a misspelt field is reported as a missing one, too.
-        if others:
-            return _explain(others[0], path)
-        inner, note = noted[0]
-        if isinstance(error, IterableValidationError):
-            return _explain(inner, f"{path}[{cast(Any, note).index}]")
-        return _explain(inner, _join(path, cast(Any, note).name))
-    if isinstance(error, ForbiddenExtraKeysError):
-        field = min(error.extra_fields)
-        known = [one.name for one in attrs.fields(error.cl)]
-        return f"{_join(path, field)}: {unknown_field(field, known)}"
-    if isinstance(error, KeyError):
-        return f"{path}: missing"
-    message = str(error)
-    # Messages of the classes begin with their name ("pulley.radius must ..."), which the more
-    # precise path replaces.
-    own = re.match(r"[A-Za-z_]+\.(?=\w)", message)
-    if not path:
-        return message
-    if own:
-        return _join(path, message[own.end() :])
-    if message == _ARRAY:
-        name = re.sub(r"\[.*?\]", "", path)
-        message = f"{message}, [[{name}]]"
-    return f"{path}: {message}"
+@cache
+def _fields(cls: Any) -> dict[str, tuple[Any, bool]]:
+    """Return by name what the fields of a class are declared as, and whether they must be given."""
+    kinds = get_type_hints(cls)
+    given = (field for field in attrs.fields(cls) if field.init)
+    return {field.name: (kinds[field.name], field.default is attrs.NOTHING) for field in given}
 
 
 def structure(value: Any, kind: Any, path: str = "") -> Any:
-    """Build a class, or a tuple of them, from plain tables."""
-    from cattrs import BaseValidationError
+    """Build a class, or a tuple of them, from plain tables; classes check all other values."""
+    for declared, kinds, usual in _BY_KIND:
+        if kind == declared:
+            table, kind = _of_kind(_table(value, path), kinds, usual, path)
+            return _built(kind, table, path)
+    some = [one for one in get_args(kind) or [kind] if attrs.has(one) or one is Torque]
+    if not some or (some[0] is PiecewiseLinear and not isinstance(value, dict)):
+        return value  # a number may stand in place of a history
+    if get_origin(kind) is not tuple:
+        return _built(some[0], _table(value, path), path)
+    if not isinstance(value, list):
+        name = re.sub(r"\[.*?\]", "", path)
+        raise ValueError(f"{path}: must be an array of tables, [[{name}]]")
+    return tuple(structure(one, some[0], f"{path}[{k}]") for k, one in enumerate(value))
 
+
+def _of_kind(
+    table: dict[str, Any], kinds: dict[str, type], usual: str | None, path: str
+) -> tuple[dict[str, Any], type]:
+    """Return a table without its kind, and the class of that."""
+    if "law" in table and kinds is _FRICTION:
+        raise ValueError(f"{path}.law: unknown field (did you mean 'kind'?)")
+    if usual and "kind" not in table and table and not table.keys() & _fields(kinds[usual]).keys():
+        usual = None  # of another kind than that which is meant without
+    kind = table.pop("kind", usual)
+    if not isinstance(kind, str) or kind not in kinds:
+        got = "it is missing" if kind is None else f"got {shown(kind)}"
+        got += close_to(kind, kinds) if isinstance(kind, str) else ""
+        raise ValueError(f"{path}.kind must be one of {', '.join(kinds)}, {got}")
+    return table, kinds[kind]
+
+
+def _built(cls: Any, table: dict[str, Any], path: str) -> Any:
+    fields = _fields(cls)
+    # Unknown fields first: a misspelt field is a missing one, too.
+    if unknown := table.keys() - fields:
+        name = min(unknown)
+        raise ValueError(f"{_join(path, name)}: {unknown_field(name, fields)}")
+    given = {}
+    for name, (kind, needed) in fields.items():
+        if name in table:
+            given[name] = structure(table[name], kind, _join(path, name))
+        elif needed:
+            raise ValueError(f"{_join(path, name)}: missing")
     try:
-        return _converter().structure(value, kind)
-    except (BaseValidationError, KeyError, TypeError, ValueError) as error:
-        raise ValueError(_explain(error, path)) from None
-    except RecursionError:
-        raise ValueError("nested too deeply") from None
+        return cls(**given)
+    except (TypeError, ValueError) as error:
+        message = str(error)
+    # Messages of the classes begin with their name ("pulley.radius must ..."), which the more
+    # precise path replaces.
+    own = re.match(r"[A-Za-z_]+\.(?=\w)", message)
+    if path:
+        message = _join(path, message[own.end() :]) if own else f"{path}: {message}"
+    raise ValueError(message)
 
 
 def _document(source: Source) -> tuple[dict[str, Any], str]:
@@ -250,9 +167,21 @@ def read(source: Source, build: Callable[[dict[str, Any]], _T]) -> _T:
 
 
 def unstructure(value: Any) -> Any:
-    """Turn an object of these classes into plain tables; a torque or motion with its kind."""
-    kind = _KIND_OF.get(type(value))
-    return ({"kind": kind} if kind else {}) | _converter().unstructure(value)
+    """Turn an object of these classes into plain tables, with its kind where there are several."""
+    if not attrs.has(type(value)):
+        if isinstance(value, tuple):
+            return [unstructure(one) for one in value]
+        return value.tolist() if isinstance(value, np.ndarray) else value
+    cls: Any = type(value)
+    table = {"kind": _KIND_OF[cls]} if cls in _KIND_OF else {}
+    for name in _fields(cls):
+        if (one := unstructure(getattr(value, name))) is not None:
+            table[name] = one
+            if isinstance(getattr(value, name), PiecewiseLinear):
+                del one["kind"]  # there is only one
+    if isinstance(value, PiecewiseLinear) and value.values.shape[1] == 1:
+        table["values"] = value.values[:, 0].tolist()
+    return table
 
 
 def write(document: dict[str, Any], path: Source | None) -> str:
