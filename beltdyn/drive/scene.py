@@ -16,6 +16,9 @@ from ..loads.torques import Torque, TorqueLike, TorqueSum, as_terms
 from . import toml
 from .params import FIELDS, Params
 
+#: Of a scene's file.
+SCENE_FIELDS = (*toml.SCENE_ONLY, "motion", *FIELDS)
+
 
 class Scene(NamedTuple):
     """A drive, its loads and how long to run.
@@ -111,10 +114,9 @@ class Scene(NamedTuple):
 
     @classmethod
     def _from_document(cls, document: dict[str, Any]) -> Scene:
-        known = (*toml.SCENE_ONLY, "motion", *FIELDS)
         for field in document:
-            if field not in known:
-                raise ValueError(f"{field}: {unknown_field(field, known)}")
+            if field not in SCENE_FIELDS:
+                raise ValueError(f"{field}: {unknown_field(field, SCENE_FIELDS)}")
         for field in toml.SCENE_ONLY:
             if field not in document:
                 raise ValueError(f"{field}: missing")

@@ -6,26 +6,23 @@ integrator that is not made for it, and what must hold all the same (``hard.toml
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
-from functools import cache
-from pathlib import Path
+from functools import cache, partial
 from typing import Any
 
-from . import theory
-from .families import MAKE, START
+from . import starts, theory
+from .drives import made, told
 from .hard_scene import HardScene
 
 __all__ = ["SCENES", "HardScene"]
 
 
 @cache
-def _told() -> dict[str, dict[str, Any]]:
-    """Read what is said of each scene, with its family."""
-    families = tomllib.loads(Path(__file__).with_name("hard.toml").read_text(encoding="utf-8"))
-    usual = families.pop("holds")
+def _rows() -> dict[str, dict[str, Any]]:
+    """Return what is said of each scene, with its family."""
+    families = {name: rows for name, rows in told().items() if name not in ("holds", "like")}
     return {
-        name: {"holds": usual.get(row.get("theory")), "family": family, **row}
+        name: {"holds": told()["holds"].get(row.get("theory")), "family": family, **row}
         for family, rows in families.items()
         for name, row in rows.items()
     }
@@ -35,22 +32,24 @@ class _Scenes(Mapping[str, HardScene]):
     """The scenes by name, each made when it is looked up."""
 
     def __getitem__(self, name: str) -> HardScene:
-        scene, row = HardScene(*MAKE[name]()), _told()[name]
+        row = _rows()[name]
+        scene, start = HardScene(*made(row)), row.get("start")
         scene.name, scene.family = name, row["family"]
         scene.provokes, scene.holds = row["provokes"], row["holds"]
         scene.options, scene.expects = dict(row.get("options", {})), row.get("expects")
-        scene._start = START.get(name)
+        moving = partial(starts.moving, **start) if isinstance(start, dict) else None
+        scene._start = moving or (start and getattr(starts, start))
         scene._theory = getattr(theory, row["theory"]) if "theory" in row else None
         return scene
 
     def __iter__(self) -> Iterator[str]:
-        return iter(MAKE)
+        return iter(_rows())
 
     def __len__(self) -> int:
-        return len(MAKE)
+        return len(_rows())
 
     def __contains__(self, name: object) -> bool:
-        return name in MAKE
+        return name in _rows()
 
     def __repr__(self) -> str:
         return f"<{len(self)} hard scenes: {', '.join(self)}>"

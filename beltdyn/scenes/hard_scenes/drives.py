@@ -1,78 +1,75 @@
-"""The drives that hard scenes are changes of, and how they are changed."""
+"""The drives of hard scenes and their loads, as ``hard.toml`` has them."""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
+from copy import deepcopy
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import attrs
+import numpy as np
 
-from ...drive.friction import Dahl
-from ...drive.mounts import Mount
-from ...drive.parameters import changed
-from ...drive.params import Params
-from ...drive.parts import Belt, Contact, Pulley
-from ...drive.scene import Scene
-from ...loads.loads import Load, Ramp
-from ...loads.torques import PiecewiseLinear, TorqueLike
+from ...drive.parameters import parse
+from ...drive.scene import SCENE_FIELDS, Scene
+from ...loads.torques import PiecewiseLinear
+
+_HERE = Path(__file__).parent
 
 
-def pair(changes: Mapping[str, Any] | None = None) -> Params:
-    """Return two equal pulleys with a belt of 300 N without bending; it slips in full at 26 N m."""
-    params = Params(
-        belt=Belt(
-            preload=300.0, n_bodies=60, linear_density=0.1, axial_stiffness=60e3, axial_damping=2.0
-        ),
-        pulleys=[
-            Pulley(center=(0.0, 0.0), radius=0.06, inertia=2e-3),
-            Pulley(center=(0.25, 0.0), radius=0.06, inertia=2e-3),
-        ],
-        contact=Contact(linear=1.67e9, damping=1.3e4, compensate=True),
-        friction=Dahl(mu_k=0.6, sigma=1e4),
-    )
-    return changed(params, changes or {})
+@cache
+def told() -> dict[str, Any]:
+    """Read what is said of all of them: tables of families, [holds] and [like]."""
+    return tomllib.loads((_HERE / "hard.toml").read_text(encoding="utf-8"))
 
 
-def ramp(torque: float = -6.0, load: float = 0.1, over: float = 0.01) -> TorqueLike:
-    """Drive pulley 0 with a torque that rises [N m], brake pulley 1 in proportion [N m s]."""
-    return Ramp(0, 0.0, over, torque) + Load(1, viscous=load)
+def made(row: Mapping[str, Any]) -> Scene:
+    """Make the scene of a row."""
+    whole = _with_like(row)
+    document = deepcopy({field: whole[field] for field in SCENE_FIELDS if field in whole})
+    if isinstance(document["torque"], str):
+        document["torque"] = [_TORQUES[document["torque"]]()]
+    for name, value in row.get("changes", {}).items():
+        _put(document, parse(name), value)
+    scene = Scene._from_document(document)
+    return scaled(scene, row["scale"]) if "scale" in row else scene
 
 
-#: No torque.
-NOTHING = PiecewiseLinear([0.0], [0.0], 0)
-#: Motion of a pulley that stands still.
-LOCKED = PiecewiseLinear([0.0], [0.0])
+def _with_like(row: Mapping[str, Any]) -> Mapping[str, Any]:
+    if "like" not in row:
+        return row
+    name, others = row["like"], told()["like"]
+    file = _HERE.parent / "drives" / f"{name}.toml"
+    other = others[name] if name in others else tomllib.loads(file.read_text(encoding="utf-8"))
+    return {**_with_like(other), **row}
 
 
-def pulled(torque: float, changes: Mapping[str, Any] | None = None, t_end: float = 0.05) -> Scene:
-    """Pull with a torque on pulley 0 [N m] that rises within 10 ms; pulley 1 is locked."""
-    return Scene(pair(changes), Ramp(0, 0.0, 0.01, torque), t_end, {1: LOCKED})
+def _put(table: Any, path: tuple[str | int, ...], value: Any) -> None:
+    step, *rest = path
+    for key in range(len(table)) if step == "*" else [step]:
+        if rest:
+            _put(table[key], tuple(rest), value)
+        else:
+            table[key] = value
 
 
-def pulling() -> Scene:
-    """Pull with 6 N m on pulley 0 against 3 N m on pulley 1."""
-    torque = PiecewiseLinear([0.0, 0.01], [[0.0, 0.0], [-6.0, 3.0]])
-    return Scene(pair(), torque, 0.02)
+def _reversing() -> dict[str, Any]:
+    """Torques that turn over every 20 us, faster than the contact's own vibration."""
+    t = [2e-5 * (k // 2) for k in range(1, 501)]
+    values = [-40.0 * (-1.0) ** (k // 2) for k in range(500)]
+    return {"kind": "piecewise_linear", "pulley": 0, "t": t, "values": values}
 
 
-def beside(depth: float, x: float = 0.125) -> Params:
-    """Add an idler on the back of the upper span, at x, which it presses in by so much [m]."""
-    params = pair()
-    idler = Pulley(center=(x, 0.09 - depth), radius=0.03, inertia=1e-4, side="outside")
-    return attrs.evolve(params, pulleys=(params.pulleys[0], idler, params.pulleys[1]))
+def _noise() -> dict[str, Any]:
+    """Set a torque that jumps anywhere within 20 N m every 10 us."""
+    values = np.random.default_rng(26).uniform(-20.0, 20.0, 1000)
+    t = np.repeat(1e-5 * np.arange(1001), 2)[1:-1]
+    return {"kind": "piecewise_linear", "pulley": 0, "t": t, "values": np.repeat(values, 2)}
 
 
-def tensioned(mount: Mount) -> Params:
-    """Two pulleys, and on the back of the belt between them a third on a mount."""
-    return Params(
-        belt=Belt(n_bodies=60, linear_density=0.1, axial_stiffness=60e3, axial_damping=2.0),
-        pulleys=[
-            Pulley(center=(0.0, 0.0), radius=0.06, inertia=4e-3),
-            Pulley(center=(0.25, 0.0), radius=0.05, inertia=2e-3),
-            Pulley(center=(0.13, 0.045), radius=0.025, inertia=1e-4, side="outside", mount=mount),
-        ],
-        friction=Dahl(mu_k=0.6, sigma=1e4),
-    )
+_TORQUES = {"reversing": _reversing, "noise": _noise}
 
 
 def scaled(scene: Scene, size: float) -> Scene:

@@ -16,7 +16,7 @@ from ...drive.mounts import Arm
 from ...loads.torques import PiecewiseLinear
 from ...outputs.histories import EnergyLedger, MountHistory
 from ...result.result import Result
-from .drives import pair, pulling
+from .drives import made
 from .hard_scene import HardScene
 
 #: Of the links of 15 mm on pulleys of 60 mm, 2.4 % of whose tension is the mesh's (print(params)).
@@ -187,8 +187,9 @@ def balance(scene: HardScene, result: Result) -> float:
 
 def as_in_metres(scene: HardScene, result: Result) -> float:
     """Compare with the forces in metres, to ten times what both were asked."""
-    size = scene.params.pulleys[0].radius / pair().pulleys[0].radius
-    metres = scene._replace(**pulling()._asdict()).run(result.stats.method, rtol=1e-5)
+    plain = made({"like": "in_metres"})
+    size = scene.params.pulleys[0].radius / plain.params.pulleys[0].radius
+    metres = scene._replace(**plain._asdict()).run(result.stats.method, rtol=1e-5)
     off = result.joints.force / size - metres.joints.force
     return float(np.sqrt(np.mean(off**2)) / (1e-3 * np.mean(metres.joints.force)))
 
