@@ -327,6 +327,7 @@ REFUSED = [
     ("run", {0: attrs.evolve(RAMP, pulley=0)}, ValueError, r"motion\[0\] must not name a pulley"),
     *(("run", {0: one}, TypeError, rf"motion\[0\] {ONE_VALUE}") for one in (None, -50.0, FREE)),
     ("run", {0: 100}, TypeError, rf"motion\[0\] {ONE_VALUE}.* got 100; .* lambda t: 100"),
+    ("run", {0: True}, TypeError, rf"motion\[0\] {ONE_VALUE}.* True, a bool, which is no speed"),
     ("run", {0: lambda: 1.0}, TypeError, rf"motion\[0\] {ONE_VALUE}.* got <lambda>\(\)"),
     ("run", {0: LOAD}, ValueError, r"motion\[0\] must have one value per time, got .* \(2, 2\)"),
     ("run", {1: JUMP}, ValueError, r"motion\[1\] must not jump, .*: it holds the time 0.1 s twice"),

@@ -116,6 +116,12 @@ def describe_all(objects: Iterable[Any]) -> None:
             describe(one)
 
 
+def checked(field: Any, check: Callable[[Any], Any], **metadata: Any) -> Any:
+    """Return a field with a check of what it is given; None passes where it is the default."""
+    optional = attrs.converters.optional(check) if field.default is None else check
+    return field.evolve(converter=optional, metadata=metadata)
+
+
 def quantity(unit: str, default: Any = None) -> Any:
     """Return a field with a unit; :func:`with_units` shows it, :func:`unit_of` reads it."""
     return attrs.field(default=default, metadata={"unit": unit})

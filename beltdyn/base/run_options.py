@@ -9,6 +9,7 @@ import numpy as np
 
 from .. import _core
 from .checks import Array, flag, integer, one_of, positive, real, real_array
+from .described import checked
 
 #: Integration methods, of the core's table; :func:`beltdyn.simulate` describes them.
 METHODS = _core.METHODS
@@ -46,15 +47,12 @@ class Row(NamedTuple):
 
 
 def _with_checks(_cls: type, fields: list[Any]) -> list[Any]:
-    """Return the fields, each with the check of its row; None passes where it is the default."""
-
-    def checked(field: Any) -> Any:
-        row: Row = field.type.__metadata__[0]
-        check: Any = partial(row.check, field.name)
-        optional = attrs.converters.optional(check) if field.default is None else check
-        return field.evolve(converter=optional, metadata={"row": row})
-
-    return [checked(field) for field in fields]
+    """Return the fields, each with the check of its row."""
+    rows = [one.type.__metadata__[0] for one in fields]
+    return [
+        checked(one, partial(row.check, one.name), row=row)
+        for one, row in zip(fields, rows, strict=True)
+    ]
 
 
 @attrs.frozen(kw_only=True, eq=False, field_transformer=_with_checks)

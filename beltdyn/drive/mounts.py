@@ -8,7 +8,6 @@ the place that the pulley has in the drive. Torques and forces count in its sens
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple, TypeAlias, get_args
 
 import attrs
@@ -66,32 +65,30 @@ class MountKind(NamedTuple):
         return f"{factor * travel:.4g} {unit}"
 
 
-_PIVOT = Rule("arm", "pivot", "PAIR", "m", "about which it turns")
-_DIRECTION = Rule("slider", "direction", "PAIR", "1", "of its travel")
+def _stops_in_order(mount: Sprung, _field: object, stops: Stops) -> None:
+    if stops is not None and not stops[0] < stops[1]:
+        name, unit = mount._row.name, mount._row.unit("rad or m")
+        raise ValueError(
+            f"{name}.stops must be (lowest, highest) with lowest < highest ({unit}), "
+            f"got ({stops[0]:g}, {stops[1]:g})"
+        )
 
 
-def _stops_of(group: str, unit: str) -> dict[str, Any]:
-    rule = Rule(group, "stops", "PAIR", unit, "lowest and highest travel")
-
-    def converter(value: Sequence[float] | None) -> Stops:
-        if value is None:
-            return None
-        low, high = rule.check(value)
-        if not low < high:
-            raise ValueError(
-                f"{group}.stops must be (lowest, highest) with lowest < highest ({unit}), "
-                f"got ({low:g}, {high:g})"
-            )
-        return low, high
-
-    return {"converter": converter, "metadata": {"rule": rule}}
-
-
-def _preloads_of(group: str, free: str, unit: str) -> tuple[Rule, Rule]:
-    """Return the rules of what a preload may follow from."""
+def _given_by(guide: Rule, free: str, unit: str) -> tuple[Rule, ...]:
+    """Return the rules of what the core is told in other numbers."""
     held = "tension of the belt that it holds in the place of the drive"
-    unloaded = Rule(group, free, "FINITE", unit, "travel at which the spring is unloaded")
-    return Rule(group, "tension", "POSITIVE", "N", held), unloaded
+    return (
+        guide,
+        Rule(guide.group, "tension", "POSITIVE", "N", held),
+        Rule(guide.group, free, "FINITE", unit, "travel at which the spring is unloaded"),
+        Rule(guide.group, "stops", "PAIR", unit, "lowest and highest travel"),
+    )
+
+
+_OF_ARM = _given_by(Rule("arm", "pivot", "PAIR", "m", "about which it turns"), "free_angle", "rad")
+_OF_SLIDER = _given_by(
+    Rule("slider", "direction", "PAIR", "1", "of its travel"), "free_travel", "m"
+)
 
 
 class Sprung(Printable):
@@ -176,10 +173,7 @@ class Sprung(Printable):
         return group, getattr(self, self._row.guide), numbers
 
 
-@attrs.frozen(
-    kw_only=True,
-    field_transformer=from_table("arm", _PIVOT, *_preloads_of("arm", "free_angle", "rad")),
-)
+@attrs.frozen(kw_only=True, field_transformer=from_table("arm", *_OF_ARM))
 class Arm(Sprung):
     """An arm that turns about a pivot: a belt tensioner.
 
@@ -233,22 +227,17 @@ class Arm(Sprung):
     damping: float = 0.0
     friction: float = 0.0
     friction_stiffness: float | None = None
-    stops: Stops = attrs.field(default=None, **_stops_of("arm", "rad"))
+    stops: Stops = attrs.field(default=None, validator=_stops_in_order)
     stop_stiffness: float | None = None
     stop_damping: float | None = None
 
 
-def _direction(value: Sequence[float]) -> tuple[float, float]:
-    x, y = _DIRECTION.check(value)
-    if x == 0.0 and y == 0.0:
+def _not_zero(_mount: object, _field: object, direction: tuple[float, float]) -> None:
+    if direction == (0.0, 0.0):
         raise ValueError("slider.direction must not be (0, 0)")
-    return x, y
 
 
-@attrs.frozen(
-    kw_only=True,
-    field_transformer=from_table("slider", *_preloads_of("slider", "free_travel", "m")),
-)
+@attrs.frozen(kw_only=True, field_transformer=from_table("slider", *_OF_SLIDER))
 class Slider(Sprung):
     """A carriage that moves along a line: a take-up, with a spring, a screw or a weight.
 
@@ -291,9 +280,7 @@ class Slider(Sprung):
         pull = {"pull": np.array([end, tip])} if self.weight > 0.0 else {}
         return {"guide": np.array([start, end])} | pull
 
-    direction: tuple[float, float] = attrs.field(
-        converter=_direction, metadata={"rule": _DIRECTION}
-    )
+    direction: tuple[float, float] = attrs.field(validator=_not_zero)
     mass: float
     weight: float = 0.0
     stiffness: float = 0.0
@@ -303,7 +290,7 @@ class Slider(Sprung):
     damping: float = 0.0
     friction: float = 0.0
     friction_stiffness: float | None = None
-    stops: Stops = attrs.field(default=None, **_stops_of("slider", "m"))
+    stops: Stops = attrs.field(default=None, validator=_stops_in_order)
     stop_stiffness: float | None = None
     stop_damping: float | None = None
 

@@ -13,7 +13,7 @@ import attrs
 
 from .. import _core
 from ..base import checks
-from ..base.described import ruled
+from ..base.described import checked, ruled
 from ..base.tables import columns
 
 #: By name: wording, lower bound, whether it is excluded, upper bound.
@@ -117,7 +117,7 @@ def with_choice(
 def from_table(
     group: str, *others: Rule
 ) -> Callable[[type, list[attrs.Attribute[Any]]], list[attrs.Attribute[Any]]]:
-    """Attach its rule to every field of a class; others need a validator or a converter.
+    """Attach their rules to fields of a class, of a group and others.
 
     A field whose default is None may be left open. Docstrings without a section "Attributes" get
     one of the rules.
@@ -125,17 +125,11 @@ def from_table(
     of_core = rules_of(group)
     rules = of_core | {rule.name: rule for rule in others}
 
-    def with_rule(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
-        rule = rules[field.name]
-        check: Any = rule.check
-        if field.default is None:
-            check = attrs.converters.optional(check)
-        return field.evolve(converter=check, metadata={"rule": rule})
-
     def transform(cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
         ruled(cls, {rule.name: rule.described for rule in of_core.values()})
         return [
-            field if field.validator or field.converter else with_rule(field) for field in fields
+            checked(one, rules[one.name].check, rule=rules[one.name]) if one.name in rules else one
+            for one in fields
         ]
 
     return transform

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base.checks import positive, shown, unknown_field
+from ..base.checks import positive
 from ..base.naming import ByPulley, as_pulley, label
 from ..base.run_options import Options
 from ..loads.motions import MotionLike, as_motions, described, in_core, motion_terms
@@ -114,12 +114,7 @@ class Scene(NamedTuple):
 
     @classmethod
     def _from_document(cls, document: dict[str, Any]) -> Scene:
-        for field in document:
-            if field not in SCENE_FIELDS:
-                raise ValueError(f"{field}: {unknown_field(field, SCENE_FIELDS)}")
-        for field in toml.SCENE_ONLY:
-            if field not in document:
-                raise ValueError(f"{field}: missing")
+        toml.check_fields("", document, SCENE_FIELDS, toml.SCENE_ONLY)
         t_end, torque = (document.pop(field) for field in toml.SCENE_ONLY)
         motion = _motion_of(document.pop("motion", []))
         parts = toml.structure(torque, tuple[Torque, ...], "torque")
@@ -172,17 +167,11 @@ def _motion_table(pulley: int | str, motion: MotionLike) -> dict[str, Any]:
     return {"pulley": pulley, **toml.unstructure(known)}
 
 
-def _motion_of(tables: object) -> dict[int | str, MotionLike] | None:
-    if not isinstance(tables, list):
-        raise ValueError("motion: must be an array of tables, [[motion]]")
+def _motion_of(value: object) -> dict[int | str, MotionLike] | None:
     found: dict[int | str, MotionLike] = {}
-    for k, table in enumerate(tables):
+    for k, fields in enumerate(toml.tables("motion", value)):
         path = f"motion[{k}]"
-        if not isinstance(table, dict):
-            raise ValueError(f"{path}: must be a table, got {shown(table)}")
-        if "pulley" not in table:
-            raise ValueError(f"{path}.pulley: missing")
-        fields = dict(table)
+        toml.check_fields(path, fields, fields, ("pulley",))
         pulley = as_pulley(f"{path}.pulley", fields.pop("pulley"))
         if pulley in found:
             raise ValueError(f"{path}.pulley: {label(pulley, ())} has a motion already")

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import naming
-from ..base.checks import flag, integer, one_of, pair, positive, real, shown
+from ..base.checks import integer, pair, shown
+from .rules import Rule, from_table, with_choice
 
 Pair: TypeAlias = tuple[float, float]
 #: By index; or (pulley, offset), until the drive is known whose pulleys are named.
@@ -57,23 +58,14 @@ def _offset(value: naming.ByPulley[Sequence[float]] | ArrayLike | None) -> Offse
     return tuple(pair(f"offset[{index}]", row, "m") for index, row in enumerate(rows))
 
 
-def _pulleys(value: object) -> str:
-    return one_of("pulleys", value, ("held", "free"))
+_RULES = (
+    Rule("", "friction", "FLAG", "1", "whether friction acts"),
+    Rule("", "move_time", "POSITIVE", "s", "duration of the motion from the offset"),
+    Rule("", "shift", "FINITE", "m", "of all links along the belt line"),
+)
 
 
-def _friction(value: object) -> bool:
-    return flag("friction", value)
-
-
-def _shift(value: object) -> float:
-    return real("shift", value, "m")
-
-
-def _move_time(value: object) -> float | None:
-    return None if value is None else positive("move_time", value, "s")
-
-
-@attrs.frozen(kw_only=True)
+@attrs.frozen(kw_only=True, field_transformer=from_table("", *_RULES))
 class Tensioning:
     """How the belt was tensioned: what :func:`beltdyn.settle` does, the paper's stabilisation.
 
@@ -102,11 +94,11 @@ class Tensioning:
         TypeError, ValueError: A field breaks its rule.
     """
 
-    friction: bool = attrs.field(default=False, converter=_friction)
-    pulleys: str = attrs.field(default="held", converter=_pulleys)
+    friction: bool = False
+    pulleys: str = attrs.field(default="held", validator=with_choice("pulleys", ("held", "free")))
     offset: Offsets = attrs.field(default=(), converter=_offset)
-    move_time: float | None = attrs.field(default=None, converter=_move_time)
-    shift: float = attrs.field(default=0.0, converter=_shift)
+    move_time: float | None = None
+    shift: float = 0.0
 
     def fitted(self, names: Sequence[str]) -> Tensioning:
         """Return a copy for a drive with these pulleys, with names replaced by indices.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, get_args, get_origin, get_type_hints
@@ -63,10 +63,31 @@ SCENE_ONLY = ("t_end", "torque")
 Source = str | os.PathLike[str]
 
 
-def _table(value: Any, path: str) -> dict[str, Any]:
+def table(path: str, value: object) -> dict[str, Any]:
+    """Check a table; return a copy."""
     if not isinstance(value, dict):
         raise ValueError(f"{path}: must be a table, got {shown(value)}")
     return dict(value)
+
+
+def tables(path: str, value: object) -> list[dict[str, Any]]:
+    """Check an array of tables; return copies."""
+    if not isinstance(value, list):
+        name = re.sub(r"\[.*?\]", "", path)
+        raise ValueError(f"{path}: must be an array of tables, [[{name}]]")
+    return [table(f"{path}[{k}]", one) for k, one in enumerate(value)]
+
+
+def check_fields(
+    path: str, given: Iterable[str], known: Collection[str], needed: Iterable[str] = ()
+) -> None:
+    """Check the names of fields; unknown ones first: a misspelt field is a missing one, too."""
+    for name in given:
+        if name not in known:
+            raise ValueError(f"{_join(path, name)}: {unknown_field(name, known)}")
+    for name in needed:
+        if name not in given:
+            raise ValueError(f"{_join(path, name)}: missing")
 
 
 def _join(path: str, field: str) -> str:
@@ -74,58 +95,49 @@ def _join(path: str, field: str) -> str:
 
 
 @cache
-def _fields(cls: Any) -> dict[str, tuple[Any, bool]]:
-    """Return by name what the fields of a class are declared as, and whether they must be given."""
+def _kinds(cls: Any) -> dict[str, Any]:
+    """Return by name what the fields of a class are declared as."""
     kinds = get_type_hints(cls)
-    given = (field for field in attrs.fields(cls) if field.init)
-    return {field.name: (kinds[field.name], field.default is attrs.NOTHING) for field in given}
+    return {field.name: kinds[field.name] for field in attrs.fields(cls) if field.init}
 
 
 def structure(value: Any, kind: Any, path: str = "") -> Any:
     """Build a class, or a tuple of them, from plain tables; classes check all other values."""
     for declared, kinds, usual in _BY_KIND:
         if kind == declared:
-            table, kind = _of_kind(_table(value, path), kinds, usual, path)
-            return _built(kind, table, path)
+            return _of_kind(table(path, value), kinds, usual, path)
     some = [one for one in get_args(kind) or [kind] if attrs.has(one) or one is Torque]
     if not some or (some[0] is PiecewiseLinear and not isinstance(value, dict)):
         return value  # a number may stand in place of a history
     if get_origin(kind) is not tuple:
-        return _built(some[0], _table(value, path), path)
-    if not isinstance(value, list):
-        name = re.sub(r"\[.*?\]", "", path)
-        raise ValueError(f"{path}: must be an array of tables, [[{name}]]")
-    return tuple(structure(one, some[0], f"{path}[{k}]") for k, one in enumerate(value))
+        return _built(some[0], table(path, value), path)
+    whole = enumerate(tables(path, value))
+    return tuple(structure(one, some[0], f"{path}[{k}]") for k, one in whole)
 
 
-def _of_kind(
-    table: dict[str, Any], kinds: dict[str, type], usual: str | None, path: str
-) -> tuple[dict[str, Any], type]:
-    """Return a table without its kind, and the class of that."""
-    if "law" in table and kinds is _FRICTION:
+def _of_kind(fields: dict[str, Any], kinds: dict[str, type], usual: str | None, path: str) -> Any:
+    """Build the class of a table's kind."""
+    if "law" in fields and kinds is _FRICTION:
         raise ValueError(f"{path}.law: unknown field (did you mean 'kind'?)")
-    if usual and "kind" not in table and table and not table.keys() & _fields(kinds[usual]).keys():
+    if usual and fields and not fields.keys() & {"kind", *_kinds(kinds[usual])}:
         usual = None  # of another kind than that which is meant without
-    kind = table.pop("kind", usual)
+    kind = fields.pop("kind", usual)
     if not isinstance(kind, str) or kind not in kinds:
         got = "it is missing" if kind is None else f"got {shown(kind)}"
         got += close_to(kind, kinds) if isinstance(kind, str) else ""
         raise ValueError(f"{path}.kind must be one of {', '.join(kinds)}, {got}")
-    return table, kinds[kind]
+    return _built(kinds[kind], fields, path)
 
 
-def _built(cls: Any, table: dict[str, Any], path: str) -> Any:
-    fields = _fields(cls)
-    # Unknown fields first: a misspelt field is a missing one, too.
-    if unknown := table.keys() - fields:
-        name = min(unknown)
-        raise ValueError(f"{_join(path, name)}: {unknown_field(name, fields)}")
-    given = {}
-    for name, (kind, needed) in fields.items():
-        if name in table:
-            given[name] = structure(table[name], kind, _join(path, name))
-        elif needed:
-            raise ValueError(f"{_join(path, name)}: missing")
+def _built(cls: Any, fields: dict[str, Any], path: str) -> Any:
+    kinds = _kinds(cls)
+    needed = [name for name in kinds if attrs.fields_dict(cls)[name].default is attrs.NOTHING]
+    check_fields(path, fields, kinds, needed)
+    given = {
+        name: structure(fields[name], kinds[name], _join(path, name))
+        for name in kinds
+        if name in fields
+    }
     try:
         return cls(**given)
     except (TypeError, ValueError) as error:
@@ -173,15 +185,15 @@ def unstructure(value: Any) -> Any:
             return [unstructure(one) for one in value]
         return value.tolist() if isinstance(value, np.ndarray) else value
     cls: Any = type(value)
-    table = {"kind": _KIND_OF[cls]} if cls in _KIND_OF else {}
-    for name in _fields(cls):
+    found = {"kind": _KIND_OF[cls]} if cls in _KIND_OF else {}
+    for name in _kinds(cls):
         if (one := unstructure(getattr(value, name))) is not None:
-            table[name] = one
+            found[name] = one
             if isinstance(getattr(value, name), PiecewiseLinear):
                 del one["kind"]  # there is only one
     if isinstance(value, PiecewiseLinear) and value.values.shape[1] == 1:
-        table["values"] = value.values[:, 0].tolist()
-    return table
+        found["values"] = value.values[:, 0].tolist()
+    return found
 
 
 def write(document: dict[str, Any], path: Source | None) -> str:

@@ -26,23 +26,21 @@ def _resisting(value: float, name: str = "value") -> float:
     return number
 
 
-def _check_factor(owner: object, field: attrs.Attribute[Any], value: object) -> None:
-    name = f"{type(owner).__name__}.{field.name}"
-    if value is None:
-        return
+def _factor(value: PiecewiseLinear, name: str = "factor") -> PiecewiseLinear:
     if not isinstance(value, PiecewiseLinear):
         raise TypeError(f"{name} must be a PiecewiseLinear of factors, got {shown(value)}")
     if value.pulley is not None or value.values.shape[1] != 1:
         raise ValueError(f"{name} must have one value per time and name no pulley")
+    return value
 
 
-def _check_resisting_factor(owner: object, field: attrs.Attribute[Any], value: object) -> None:
-    _check_factor(owner, field, value)
-    if isinstance(value, PiecewiseLinear) and (value.values < 0.0).any():
+def _loading(value: PiecewiseLinear, name: str = "factor") -> PiecewiseLinear:
+    if (_factor(value, name).values < 0.0).any():
         raise ValueError(
-            f"{type(owner).__name__}.factor must be >= 0: a load turned round drives a pulley that "
-            "turns and does nothing to one at rest, which so never starts; what drives is a Motor"
+            f"{name} must be >= 0: a load turned round drives a pulley that turns and does nothing "
+            "to one at rest, which so never starts; what drives is a Motor"
         )
+    return value
 
 
 def interval(value: Sequence[float] | None, name: str = "interval") -> tuple[float, float]:
@@ -169,9 +167,7 @@ class Load(_OnOnePulley):
     coulomb: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
     viscous: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
     quadratic: float = attrs.field(default=0.0, converter=_resisting, kw_only=True)
-    factor: PiecewiseLinear | None = attrs.field(
-        default=None, validator=_check_resisting_factor, kw_only=True
-    )
+    factor: PiecewiseLinear | None = attrs.field(default=None, converter=_loading, kw_only=True)
 
     def _numbers(self, _pulleys: Sequence[str], _path: str) -> tuple[Any, ...]:
         return ([self.coulomb, self.viscous, self.quadratic],)
@@ -211,9 +207,7 @@ class SpeedTable(_OverSpeed):
     pulley: PulleyLike
     omega: Array = attrs.field(converter=as_row, eq=EQUAL)
     torque: Array = attrs.field(converter=as_row, eq=EQUAL)
-    factor: PiecewiseLinear | None = attrs.field(
-        default=None, validator=_check_resisting_factor, kw_only=True
-    )
+    factor: PiecewiseLinear | None = attrs.field(default=None, converter=_loading, kw_only=True)
 
     def __attrs_post_init__(self) -> None:
         if self.omega.size == 0:
@@ -254,9 +248,7 @@ class Motor(_OverSpeed):
     omega: Array = attrs.field(converter=as_row, eq=EQUAL)
     torque: Array = attrs.field(converter=as_row, eq=EQUAL)
     ramp: tuple[float, float] | None = attrs.field(default=None, converter=_ramp, kw_only=True)
-    factor: PiecewiseLinear | None = attrs.field(
-        default=None, validator=_check_factor, kw_only=True
-    )
+    factor: PiecewiseLinear | None = attrs.field(default=None, converter=_factor, kw_only=True)
 
     def __attrs_post_init__(self) -> None:
         if self.omega.size < 2:
@@ -296,9 +288,7 @@ class Harmonics(_OnOnePulley):
     amplitudes: Array = attrs.field(converter=as_row, eq=EQUAL)
     phases: Array = attrs.field(default=None, converter=as_row, eq=EQUAL)
     of: PulleyLike | None = attrs.field(default=None, kw_only=True)
-    factor: PiecewiseLinear | None = attrs.field(
-        default=None, validator=_check_factor, kw_only=True
-    )
+    factor: PiecewiseLinear | None = attrs.field(default=None, converter=_factor, kw_only=True)
 
     def __attrs_post_init__(self) -> None:
         harmonic_fields(self)

@@ -198,11 +198,14 @@ def _check_speed(name: str, value: object) -> None:
                 f"{value.t[k]:g} s twice"
             )
     elif got := _no_function(value):
-        number = isinstance(value, numbers.Real)
+        hint = ""
+        if isinstance(value, (bool, np.bool_)):
+            hint = ", a bool, which is no speed"
+        elif isinstance(value, numbers.Real):
+            hint = f"; a constant speed [rad/s] is lambda t: {got}"
         raise TypeError(
             f"{name} must be a PiecewiseLinear with one value per time, a function f(t), a Motion "
-            f"or a CrankMotion, got {got}"
-            + (f"; a constant speed [rad/s] is lambda t: {got}" if number else "")
+            f"or a CrankMotion, got {got}{hint}"
         )
 
 

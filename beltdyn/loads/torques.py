@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import numbers
+import re
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Self, TypeAlias, cast
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from .. import _core
 from ..base.checks import Array, called_with, first_of, real, real_array, refuse_masked
-from ..base.described import ruled
+from ..base.described import checked, ruled
 from ..base.naming import PulleyLike, as_pulley, index_of, label, names_of
 
 #: A torque object, ``f(t, theta, omega) -> n_p values``, or a compiled C function.
@@ -26,6 +27,8 @@ TorqueLike: TypeAlias = "Torque | Callable[[float, Array, Array], ArrayLike] | A
 
 EQUAL = attrs.cmp_using(eq=np.array_equal)
 _SIGNATURE = "void f(double t, double *theta, double *omega, double *torque, void *user)"
+#: That in C, without names, spaces and "const".
+_FORM = re.compile(r"void\(double(,(double|void)\*){3},[^,]+\*\)")
 
 
 class Torque:
@@ -155,26 +158,17 @@ _CHECKS: dict[Any, Callable[[str, Any], Any]] = {"float": real, "PulleyLike": as
 
 
 def named(cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
-    """Check fields, which messages call by their full names (a field transformer).
-
-    By a converter of value and name, or by their type; None passes where it is the default.
-    """
+    """Check fields by a converter of value and name, or by their type (a field transformer)."""
     ruled(cls, {})
 
-    def checked(field: attrs.Attribute[Any]) -> attrs.Attribute[Any]:
+    def with_check(field: attrs.Attribute[Any]) -> Any:
         name, given = f"{cls.__name__}.{field.name}", cast(Any, field.converter)
         by_type = cast(Any, _CHECKS.get(str(field.type).removesuffix(" | None")))
-        if given is None and by_type is None:
-            return field
+        if given is not None:
+            return checked(field, lambda value: given(value, name))
+        return field if by_type is None else checked(field, lambda value: by_type(name, value))
 
-        def check(value: Any) -> Any:
-            return by_type(name, value) if given is None else given(value, name)
-
-        return field.evolve(
-            converter=attrs.converters.optional(check) if field.default is None else check
-        )
-
-    return list(map(checked, fields))
+    return list(map(with_check, fields))
 
 
 def as_row(value: ArrayLike | None, name: str = "value") -> Array:
@@ -379,45 +373,40 @@ def as_terms(
 
 def _compiled(function: Any) -> tuple[int, int] | None:
     """Addresses of a compiled function and of its user data; None if it is not compiled."""
-    if _is_cffi(function):
-        return _cffi_function(function), 0
-    if isinstance(function, ctypes._CFuncPtr):  # type: ignore[attr-defined]
-        return _ctypes_function(function), 0
-    if type(function).__name__ == "PyCapsule":
-        return _capsule_function(function), 0
-    if type(function).__module__.partition(".")[0] == "numba" and hasattr(function, "address"):
-        return _ctypes_function(function.ctypes), 0
     if type(function).__name__ == "LowLevelCallable" and isinstance(function, tuple):
         inner = _compiled(function.function)  # type: ignore[attr-defined]
         if inner is None:
             raise TypeError(f"torque_fn: no compiled function in {function!r}")
         return inner[0], _user_data(function.user_data)  # type: ignore[attr-defined]
-    return None
-
-
-def _wrong(found: str) -> TypeError:
-    return TypeError(f"torque_fn must be compiled as {_SIGNATURE}, got {found}")
-
-
-def _ctypes_function(function: Any) -> int:
-    kinds = function.argtypes
-    # Functions of a library carry no types until the user sets them.
-    if kinds is not None:
-        pointers = (ctypes.POINTER(ctypes.c_double), ctypes.c_void_p)
-        fits = (
-            function.restype is None
-            and len(kinds) == 5
-            and kinds[0] is ctypes.c_double
-            and all(kind in pointers for kind in kinds[1:4])
-            and issubclass(kinds[4], (ctypes.c_void_p, ctypes._Pointer))
-        )
-        if not fits:
-            names = ", ".join(kind.__name__ for kind in kinds)
-            raise _wrong(f"argtypes ({names}) and restype {function.restype}")
-    address = ctypes.cast(function, ctypes.c_void_p).value
+    if type(function).__module__.partition(".")[0] == "numba" and hasattr(function, "address"):
+        function = function.ctypes
+    if _is_cffi(function):
+        signature = sys.modules["_cffi_backend"].typeof(function).cname
+        address = _cffi_address(function)
+    elif isinstance(function, ctypes._CFuncPtr):  # type: ignore[attr-defined]
+        signature, address = _in_c(function), ctypes.cast(function, ctypes.c_void_p).value or 0
+    elif type(function).__name__ == "PyCapsule":
+        address, name = _capsule(function)
+        signature = name or f"a capsule named {name!r}"  # SciPy's convention: it is the signature
+    else:
+        return None
+    if signature and not _FORM.fullmatch(re.sub(r"\(\*\)|const|\s", "", signature)):
+        raise TypeError(f"torque_fn must be compiled as {_SIGNATURE}, got {signature}")
     if not address:
         raise ValueError("torque_fn must not be a null pointer")
-    return address
+    return address, 0
+
+
+def _in_c(kind: Any) -> str:
+    """Write a type of ctypes, or the signature of a function, in C; "" of one without types."""
+    if isinstance(kind, ctypes._CFuncPtr):  # type: ignore[attr-defined]
+        # Functions of a library carry no types until the user sets them.
+        takes = kind.argtypes
+        return "" if takes is None else f"{_in_c(kind.restype)}({', '.join(map(_in_c, takes))})"
+    if kind is not None and issubclass(kind, ctypes._Pointer):
+        return f"{_in_c(kind._type_)} *"
+    plain = {None: "void", ctypes.c_double: "double", ctypes.c_void_p: "void *"}
+    return plain[kind] if kind in plain else str(kind.__name__)
 
 
 def _is_cffi(thing: Any) -> bool:
@@ -429,21 +418,6 @@ def _cffi_address(pointer: Any) -> int:
     return int(sys.modules["_cffi_backend"].FFI().cast("uintptr_t", pointer))
 
 
-def _cffi_function(function: Any) -> int:
-    kind = sys.modules["_cffi_backend"].typeof(function)
-    fits = (
-        kind.kind == "function"
-        and kind.result.kind == "void"
-        and len(kind.args) == 5
-        and kind.args[0].cname == "double"
-        and all(arg.cname in ("double *", "void *") for arg in kind.args[1:4])
-        and kind.args[4].kind == "pointer"
-    )
-    if not fits:
-        raise _wrong(kind.cname)
-    return _cffi_address(function)
-
-
 def _capsule(capsule: Any) -> tuple[int, str | None]:
     """Address and name of a PyCapsule."""
     name_of = ctypes.pythonapi.PyCapsule_GetName
@@ -452,15 +426,6 @@ def _capsule(capsule: Any) -> tuple[int, str | None]:
     pointer_of.restype, pointer_of.argtypes = ctypes.c_void_p, [ctypes.py_object, ctypes.c_char_p]
     name = name_of(capsule)
     return pointer_of(capsule, name), None if name is None else name.decode()
-
-
-def _capsule_function(capsule: Any) -> int:
-    address, name = _capsule(capsule)
-    # SciPy's convention: the name of a capsule is the signature.
-    squeezed = (name or "").replace("const", "").replace(" ", "")
-    if squeezed != "void(double,double*,double*,double*,void*)":
-        raise _wrong(f"a capsule named {name!r}")
-    return address
 
 
 def _user_data(data: Any) -> int:

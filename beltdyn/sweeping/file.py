@@ -32,7 +32,7 @@ import attrs
 import numpy as np
 
 from .. import scenes
-from ..base.checks import integer, one_of, real, shown, unknown_field
+from ..base.checks import integer, one_of, real, shown
 from ..base.optional import scipy_module
 from ..drive import toml
 from ..drive.friction import Friction
@@ -73,13 +73,14 @@ def _built(document: dict[str, Any], folder: Path) -> SweepFile:
         raise ValueError("either over or sample must be given")
     scene = _scene(document["scene"], folder)
     if "over" in document:
-        over = {name: _values(name, one) for name, one in _table("over", document["over"]).items()}
+        listed = toml.table("over", document["over"])
+        over = {name: _values(name, one) for name, one in listed.items()}
     else:
         over = _samples(document["sample"])
     measure = document.get("measure")
     if measure is not None and not isinstance(measure, (str, list, dict)):
         raise ValueError(f"measure: must be names or a table of names, got {shown(measure)}")
-    options = dict(_table("options", document.get("options", {})))
+    options = toml.table("options", document.get("options", {}))
     arguments: dict[str, Any] = {
         name: document[name] for name in ("last", "combine", "warm", "key") if name in document
     }
@@ -89,21 +90,10 @@ def _built(document: dict[str, Any], folder: Path) -> SweepFile:
     return SweepFile(scene=scene, over=over, measure=measure, arguments={**options, **arguments})
 
 
-def _table(name: str, value: object) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise ValueError(f"{name}: must be a table, got {shown(value)}")
-    return value
-
-
 def _fields(path: str, value: object, known: Sequence[str], needed: int) -> dict[str, Any]:
     """Check a table of known fields, of which the first ones are needed."""
-    table, before = _table(path, value), f"{path}." if path else ""
-    for field in table:
-        if field not in known:
-            raise ValueError(f"{before}{field}: {unknown_field(field, known)}")
-    for field in known[:needed]:
-        if field not in table:
-            raise ValueError(f"{before}{field}: missing")
+    table = toml.table(path, value)
+    toml.check_fields(path, table, known, known[:needed])
     return table
 
 
@@ -111,7 +101,7 @@ def _scene(value: object, folder: Path) -> Scene:
     if isinstance(value, str):
         beside = folder / value
         return scenes.find(beside if value.endswith(".toml") or beside.is_file() else value)
-    document = dict(_table("scene", value))
+    document = toml.table("scene", value)
     try:
         return Scene._from_document(document)
     except (TypeError, ValueError) as error:
@@ -160,7 +150,7 @@ def _samples(value: object) -> Any:
     fields = _fields("sample", value, known, 2)
     ranges = {
         name: _distribution(f"sample.ranges.{name}", value)
-        for name, value in _table("sample.ranges", fields["ranges"]).items()
+        for name, value in toml.table("sample.ranges", fields["ranges"]).items()
     }
     return sample(ranges, **{name: fields[name] for name in fields if name != "ranges"})
 

@@ -317,8 +317,8 @@ int bd_mounts_rest(bd_model *model) {
       model->mounts[m].held = s.matrix[m * n + m];
       if (model->mounts[m].row->moves && !(tension > 1e-9 * scale)) {
         code = fail(&s, m,
-                    "cannot hold a tension: in its balance the belt is slack; give it a preload, "
-                    "a weight or stops, or a shorter belt");
+                    "cannot hold a tension: in its balance the belt is slack; take a shorter belt, "
+                    "or a preload, a weight or stops that tighten it");
         break;
       }
     }
