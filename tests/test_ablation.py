@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import permutations
+from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
@@ -206,22 +207,19 @@ def test_runs_that_fail_or_end_with_the_budget(monkeypatch: pytest.MonkeyPatch) 
     """
     scene = bd.scenes.kubas_case_1()._replace(t_end=1e-3)
 
-    def run(scene: bd.Scene, _: float, most: int | None) -> Timed:
-        with silenced():
-            return Timed(bd.simulate(*scene, max_steps=most), 1.0)
+    def ablate(left: float, limit: int = 1) -> ablation.Ablation:
+        def run(scene: bd.Scene, *_: float, max_steps: int | None, **__: Any) -> Timed:
+            with silenced():
+                return Timed(bd.simulate(*scene, max_steps=max_steps and max_steps // limit), 1.0)
 
-    def stiff(scene: bd.Scene, tighter: float, most: int | None) -> Timed:
-        return run(scene, tighter, most and most // 4)
+        drive: Any = SimpleNamespace(scene=scene, run=run)
+        return ablation.ablate(drive, mock.Mock(end=1e-3), 0.5, lambda: left)
 
-    def ablate(run: Any, left: float) -> ablation.Ablation:
-        runs = ablation.Runs(run, 1e-3, True)
-        return ablation.ablate(scene, runs, 0.5, lambda: left, mock.Mock())
-
-    none = ablate(run, 0.0)
+    none = ablate(0.0)
     assert {one.failed for one in none.rows} == {"the budget is spent"}
     assert none.runs == 2 and none.rounds == 1 and none.advice == () and none.together is None
     monkeypatch.setattr(ablation, "MOST_STEPS", 1)
-    some = ablate(stiff, 0.5)
+    some = ablate(0.5, 4)
     assert all("the limit of" in one.failed for one in some.rows)
     fails = mock.Mock(side_effect=ValueError("there is nothing left"))
     monkeypatch.setattr(ablation, "removals_of", lambda _: (Removal("all", "nothing", fails),))
@@ -276,18 +274,17 @@ def test_a_part_of_a_run_ranks_and_a_longer_one_confirms() -> None:
     scene = scene._replace(params=params)
     ends = []
 
-    def to(end: float) -> ablation.Runs:
-        def run(scene: bd.Scene, tighter: float, most: int | None) -> Timed:
-            ends.append(end)
-            with silenced():
-                result = bd.simulate(*scene._replace(t_end=end), rtol=1e-3 * tighter)
-            seconds = 1.0 if scene.params == params else 0.5  # what is left out saves time
-            stats = attrs.evolve(result.stats, cpu_time=seconds)
-            return Timed(attrs.evolve(result, stats=stats), seconds)
+    def run(scene: bd.Scene, end: float, tighter: float, **_: Any) -> Timed:
+        ends.append(end)
+        with silenced():
+            result = bd.simulate(*scene._replace(t_end=end), rtol=1e-3 * tighter)
+        seconds = 1.0 if scene.params == params else 0.5  # what is left out saves time
+        stats = attrs.evolve(result.stats, cpu_time=seconds)
+        return Timed(attrs.evolve(result, stats=stats), seconds)
 
-        return ablation.Runs(run, end, end >= scene.t_end)
-
-    found = ablation.ablate(scene, to(1e-3), 0.5, lambda: 100.0, lambda _: to(4e-3))
+    drive: Any = SimpleNamespace(scene=scene, run=run)
+    window: Any = SimpleNamespace(end=1e-3, reached_in=lambda _: 4e-3)
+    found = ablation.ablate(drive, window, 0.5, lambda: 100.0)
     assert {row.end for row in found.rows} == {1e-3} and ends.count(1e-3) == 2 + len(found.rows)
     assert found.sets and {row.end for _, _, row in found.sets} == {4e-3}
     assert found.runs == len(ends)

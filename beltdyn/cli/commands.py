@@ -306,7 +306,10 @@ def study_accuracy(asked: Asked) -> None:
     two processors, finer and longer scenes more; with --quick any takes 10 to 30 s of CPU time.
     """
     check_files(asked, (".csv",))
-    kept = "" if asked.store is None else f"; finished runs are in {asked.store}"
+
+    def kept() -> str:
+        return "" if asked.store is None else f"; finished runs are in {asked.store}"
+
     with reported("read or write", kept):
         positive("error", asked.error)  # before what takes minutes
         found = _find(asked)

@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
 
 import click
 
 from ..base.run_warnings import RunWarning
-from ..result.errors import Interrupted, SimulationError
 
 FAILED, BAD_INPUT, INTERRUPTED = 1, 2, 130
 #: Signals sent by batch systems and closed terminals; Windows has no SIGHUP.
@@ -57,18 +56,19 @@ def interruptible() -> Iterator[None]:
 
 
 @contextmanager
-def reported(access: str = "read", kept: str = "") -> Iterator[None]:
+def reported(access: str = "read", kept: Callable[[], str] = lambda: "") -> Iterator[None]:
     """Stop with one line, and the exit code of its kind, at what a scene or its run may raise."""
     try:
         yield
     except OSError as error:
-        stop(f"cannot {access} {error.filename}: {error.strerror}", BAD_INPUT)
+        code = FAILED if access == "write" else BAD_INPUT
+        stop(f"cannot {access} {error.filename}: {error.strerror or error}", code)
     except (TypeError, ValueError) as error:
         stop(str(error), BAD_INPUT)
-    except SimulationError as error:
+    except (ImportError, RuntimeError) as error:  # of runs, workers and packages
         stop(str(error), FAILED)
-    except (Interrupted, KeyboardInterrupt):
-        stop(f"interrupted{kept}", INTERRUPTED)
+    except KeyboardInterrupt as error:
+        stop(f"{str(error) or 'interrupted'}{kept()}", INTERRUPTED)
 
 
 class Group(click.Group):

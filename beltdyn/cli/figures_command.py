@@ -10,10 +10,9 @@ import click
 
 from ..base import files
 from ..base.run_warnings import RunWarning, distinct, silenced
-from ..result.errors import SimulationError
 from .command_options import PATH, Asked, Option, options
-from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
-from .written import figure_kinds, need_matplotlib
+from .ending import BAD_INPUT, interruptible, reported, stop, warn
+from .written import check_writable, figure_kinds, need_matplotlib
 
 
 @click.command("figures")
@@ -33,11 +32,7 @@ def draw_figures(asked: Asked) -> None:
 
     Writes fig-05.png, fig-05.pdf and so on, and table.txt.
     """
-    out = asked.out
-    try:
-        _check_folder(out)
-    except OSError as error:
-        stop(f"cannot write to {out}: {error.strerror}", BAD_INPUT)
+    check_writable(asked.out, folder=True)
     need_matplotlib("beltdyn figures")
     kinds = [kind.strip().lower().removeprefix(".") for kind in asked.format.split(",")]
     known = figure_kinds()
@@ -45,19 +40,15 @@ def draw_figures(asked: Asked) -> None:
         if kind not in known:
             stop(f"--format: {kind!r} must be one of {', '.join(known)}", BAD_INPUT)
     written: list[Path] = []
-    try:
-        with interruptible():
-            comparison, noticed = _write_figures(asked, list(dict.fromkeys(kinds)), written)
-    except SimulationError as error:
-        stop(str(error), FAILED)
-    except OSError as error:
-        stop(f"cannot write {error.filename or out}: {error.strerror or error}", FAILED)
-    except KeyboardInterrupt as error:
-        so_far = f"; {len(written)} files written to {out}" if written else ""
-        stop(f"{str(error) or 'interrupted'}{so_far}", INTERRUPTED)
+
+    def so_far() -> str:
+        return f"; {len(written)} files written to {asked.out}" if written else ""
+
+    with reported("write", so_far), interruptible():
+        comparison, noticed = _write_figures(asked, list(dict.fromkeys(kinds)), written)
     if not asked.quiet:
         click.echo(comparison)
-        click.echo(f"written: {len(written)} files in {out}")
+        click.echo(f"written: {len(written)} files in {asked.out}")
     warn(noticed, asked.quiet)
 
 
@@ -89,13 +80,3 @@ def _write_figures(
                 drawn.savefig(picture, format=kind)
                 write(f"fig-{figure.number:02d}.{kind}", picture.getvalue())
     return comparison, distinct(run.warnings for run in runs)
-
-
-def _check_folder(folder: Path) -> None:
-    """Check before the runs that files can be written there, or the folder be made."""
-    if folder.exists() and not folder.is_dir():
-        stop(f"cannot write to {folder}: it is a file", BAD_INPUT)
-    if not folder.exists() and not folder.parent.is_dir():
-        stop(f"cannot write to {folder}: there is no folder {folder.parent}", BAD_INPUT)
-    # Any name serves to find out whether files can be made there.
-    files.check_writable((folder if folder.exists() else folder.parent) / "table.txt")

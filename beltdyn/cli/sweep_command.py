@@ -65,8 +65,8 @@ def sweep_scene(asked: Asked) -> None:
     folder = asked.store or asked.out.with_name(f"{asked.out.name}.runs")
     begun = time.monotonic()
     with reported("read or write"):
+        given = sweep_file.read(asked.file)
         try:
-            given = sweep_file.read(asked.file)
             with interruptible(), silenced():
                 swept = run_sweep(
                     given.scene,
@@ -80,8 +80,6 @@ def sweep_scene(asked: Asked) -> None:
         except SweepInterrupted as error:
             write(error.dataset)
             stop(f"{error}; written: {asked.out}; go on with the same command", INTERRUPTED)
-        except (ImportError, RuntimeError) as error:
-            stop(f"{error}", FAILED)
     write(swept.dataset)
     if asked.store is None:
         shutil.rmtree(folder, ignore_errors=True)

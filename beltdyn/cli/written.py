@@ -38,7 +38,7 @@ def check_files(asked: Asked, endings: Iterable[str] = tuple(RESULTS)) -> None:
     }
     for name, path in named.items():
         if name != "checkpoint":
-            _check_writable(path)
+            check_writable(path)
     for (one, path), (other, same) in combinations(named.items(), 2):
         if path == same:
             stop(f"--{one} and --{other} must not be the same file, {path}", BAD_INPUT)
@@ -56,16 +56,19 @@ def check_files(asked: Asked, endings: Iterable[str] = tuple(RESULTS)) -> None:
         _check_film(named["animate"])
 
 
-def _check_writable(path: Path) -> None:
+def check_writable(path: Path, folder: bool = False) -> None:
+    """Stop if this cannot be written, or files in this folder, which need not be there yet."""
+    what = f"cannot write {'to ' if folder else ''}{path}"
     try:
+        there = folder and path.exists()
+        if there and not path.is_dir():
+            stop(f"{what}: it is a file", BAD_INPUT)
         if not path.parent.is_dir():
-            stop(f"cannot write {path}: there is no folder {path.parent}", BAD_INPUT)
-        if path.is_dir():
-            stop(f"cannot write {path}: it is a folder", BAD_INPUT)
+            stop(f"{what}: there is no folder {path.parent}", BAD_INPUT)
         # Makes and removes a temporary file in the folder, as writing will.
-        files.check_writable(path)
+        files.check_writable(path / "table.txt" if there else path)
     except OSError as error:
-        stop(f"cannot write {path}: {error.strerror}", BAD_INPUT)
+        stop(f"{what}: {error.strerror}", BAD_INPUT)
 
 
 def need_matplotlib(what: str) -> None:

@@ -36,7 +36,7 @@ from ..result.errors import SimulationError
 from ..result.result import Result
 from ..verification.quantities import observe
 from .removals import Removal, leave_out, removals_of
-from .run_length import Timed
+from .run_length import Drive, Timed, Window
 
 #: What is compared, in the order of the table.
 ANSWERS = ("tension, mean", "tension, range", "speed, mean", "speed, range")
@@ -63,18 +63,12 @@ NO_GAIN = 0.1
 LEVELS = (1.0, 2.0, 5.0, 10.0)
 #: What a run is warned of that needs no time to show: all of a run has what it does.
 _SHOWN_AT_ONCE = {"mesh", "long_links", "compliance"}
+#: Samples of a run that is compared.
+SAMPLES = 501
 #: A run that confirms what a part of it has ranked is at least as many times as long.
 LONGER = 1.5
 #: The run with all effects and that at a tighter tolerance, in runs with all effects.
 BASE_RUNS = 3.0
-
-
-class Runs(NamedTuple):
-    """Settings of the runs that are compared, over a window that begins with the run."""
-
-    run: Callable[[Scene, float, int | None], Timed]  # of a factor of the tolerance, most steps
-    end: float  # of the window [s]
-    whole: bool  # whether that is all that was asked for
 
 
 class Answers(NamedTuple):
@@ -215,30 +209,24 @@ def removals_that_may_go(rows: Sequence[LeftOut], error: float, safety: float = 
     return names
 
 
-def ablate(
-    scene: Scene,
-    runs: Runs,
-    error: float,
-    time_left: Callable[[], float],
-    longer: Callable[[float], Runs],
-) -> Ablation:
+def ablate(drive: Drive, window: Window, error: float, time_left: Callable[[], float]) -> Ablation:
     """Leave out one effect at a time, then together what may go."""
-    removals = removals_of(scene)
-    base = _Base(scene, runs, error)
+    removals = removals_of(drive.scene)
+    base = _Base(drive, window.end, error)
     rows = [
         _unknown([one], "the budget is spent") if time_left() <= 0.0 else base.left_out([one])
         for one in removals
     ]
     rounds = 1
-    while rounds < MOST_ROUNDS and runs.whole and time_left() > 2.0 * base.round_time:
+    while rounds < MOST_ROUNDS and base.whole and time_left() > 2.0 * base.round_time:
         base.repeat(removals)
         rounds += 1
     ranked = [base.timed(row) for row in rows]
     judge, safety = base, 1.0
-    if not runs.whole and removals_that_may_go(ranked, LEVELS[-1] * error, SAFETY):
-        more = longer(max(0.0, time_left()) / (BASE_RUNS + len(LEVELS) + 1.0))
-        if more.end >= LONGER * runs.end:
-            judge, safety = _Base(scene, more, error), SAFETY
+    if not base.whole and removals_that_may_go(ranked, LEVELS[-1] * error, SAFETY):
+        end = window.reached_in(max(0.0, time_left()) / (BASE_RUNS + len(LEVELS) + 1.0))
+        if end >= LONGER * window.end:
+            judge, safety = _Base(drive, end, error), SAFETY
     sets: list[tuple[float, tuple[str, ...], LeftOut]] = []
     for level in LEVELS:
         names = removals_that_may_go(ranked, level * error, safety)
@@ -276,18 +264,21 @@ def _accuracy(result: Result) -> list[str]:
 
 
 class _Base:
-    """The run with all effects, once more at a tighter tolerance, and those compared with it."""
+    """The run with all effects, once more at a tighter tolerance, and those compared with it.
 
-    def __init__(self, scene: Scene, runs: Runs, error: float) -> None:
-        self.scene, self.how, self.error = scene, runs, error
+    Over a window that begins with the run; ``whole``: that is all that was asked for.
+    """
+
+    def __init__(self, drive: Drive, end: float, error: float) -> None:
+        self.drive, self.end, self.error = drive, end, error
+        self.whole = end >= drive.scene.t_end
         self.runs, self.round_time = 0, 0.0
         self.most_steps: int | None = None
         self.times: dict[str, float] = {}  # the least CPU time, by what is left out
-        result = self._run("", scene)
+        result = self._run("", drive.scene)
         self.answers, self.warned = answers_of(result), _accuracy(result)
         self.most_steps = MOST_STEPS * result.stats.steps
-        tight = runs.run(scene, TIGHTER, None).result
-        self.runs += 1
+        tight = self._timed(drive.scene, TIGHTER, None).result
         self.own_error = _worst(changes_of(answers_of(tight), self.answers))
 
     def left_out(self, group: Sequence[Removal]) -> LeftOut:
@@ -295,7 +286,7 @@ class _Base:
         unknown = _unknown(group, "")
 
         def run() -> tuple[Result, dict[str, Array]]:
-            result = self._run(unknown.name, leave_out(self.scene, group))
+            result = self._run(unknown.name, leave_out(self.drive.scene, group))
             return result, changes_of(answers_of(result), self.answers)
 
         outcome = attempt(run, (SimulationError, ValueError))
@@ -303,11 +294,11 @@ class _Base:
             return attrs.evolve(unknown, failed=outcome.message)
         result, changes = outcome.value
         worst, growth = _worst(changes), growth_of(changes)
-        known = set(self.warned) | (_SHOWN_AT_ONCE if self.how.whole else set())
+        known = set(self.warned) | (_SHOWN_AT_ONCE if self.whole else set())
         warned = tuple(code for code in _accuracy(result) if code not in known)
         own = RUNS * self.own_error
         bound = math.inf if warned else SAFETY * growth * worst + own
-        error = worst + own if self.how.whole and not warned else bound
+        error = worst + own if self.whole and not warned else bound
         return attrs.evolve(
             unknown,
             change={name: float(change[0]) for name, change in changes.items()},
@@ -317,16 +308,16 @@ class _Base:
             error=error,
             exercised=worst > ROUNDING,
             may_be_left_out=worst > ROUNDING and error <= self.error,
-            end=self.how.end,
+            end=self.end,
             warned=warned,
         )
 
     def repeat(self, removals: Sequence[Removal]) -> None:
         """Run all again for their times, of which the least counts."""
-        self._run("", self.scene)
+        self._run("", self.drive.scene)
         for one in removals:
             if one.name in self.times:
-                self._run(one.name, leave_out(self.scene, [one]))
+                self._run(one.name, leave_out(self.drive.scene, [one]))
 
     def timed(self, row: LeftOut) -> LeftOut:
         """Return a row with its time."""
@@ -334,9 +325,13 @@ class _Base:
             return row
         return attrs.evolve(row, cpu_time=self.times[row.name] / self.times[""] - 1.0)
 
-    def _run(self, name: str, scene: Scene) -> Result:
-        timed = self.how.run(scene, 1.0, self.most_steps)
+    def _timed(self, scene: Scene, tighter: float, most_steps: int | None) -> Timed:
         self.runs += 1
+        times = np.linspace(0.0, self.end, SAMPLES)
+        return self.drive.run(scene, self.end, tighter, t_eval=times, max_steps=most_steps)
+
+    def _run(self, name: str, scene: Scene) -> Result:
+        timed = self._timed(scene, 1.0, self.most_steps)
         seconds = timed.result.stats.cpu_time
         if name not in self.times:
             self.round_time += timed.seconds

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import attrs
-import numpy as np
 
 from .. import _core
 from ..base.checks import flag, one_of, positive
@@ -24,10 +23,10 @@ from ..drive.scene import Scene
 from ..loads.motions import MotionLike, as_motions, motion_terms
 from ..loads.torques import TorqueLike, as_terms
 from ..outputs.state import State
-from .ablation import ANSWERS, LEVELS, NO_GAIN, RUNS, SAFETY, Ablation, LeftOut, Runs, ablate
+from .ablation import ANSWERS, LEVELS, NO_GAIN, RUNS, SAFETY, Ablation, LeftOut, ablate
 from .effects import Effect, effects_of
 from .removals import Removal, leave_out, removals_of
-from .run_length import Drive, Timed, Window, find_window
+from .run_length import Drive, Window, find_window
 from .step_cost import Pass, StateSize, Step, size_of, time_step
 
 #: Part of the budget that the window is planned for, and that may be spent: times vary.
@@ -42,8 +41,6 @@ _PROFILING_TIME = 0.4
 _MORE_RUNS = 5
 #: Tolerance of the runs over the error asked for: theirs must not hide what an effect is worth.
 _TIGHTER, _LOOSEST, _TIGHTEST = 0.1, 1e-3, 1e-8
-#: Samples of a run that is compared.
-_SAMPLES = 501
 #: Of the text.
 _WIDTH = 98
 #: A space at which no line is broken.
@@ -199,24 +196,11 @@ def explain(
             window = attrs.evolve(window, end=_RANKING * window.end)
         sim = _start(drive, window.final, drive.method)
         step = time_step(lambda name: _start(drive, window.final, name), drive.method)
-        found = None
-        if ablation:
 
-            def runs_to(end: float) -> Runs:
-                times = np.linspace(0.0, end, _SAMPLES)
+        def time_left() -> float:
+            return _SPENT * allowed - (time.thread_time() - begin)
 
-                def run(one: Scene, tighter: float, most: int | None) -> Timed:
-                    return drive.run(one, end, tighter, t_eval=times, max_steps=most)
-
-                return Runs(run, end, end >= scene.t_end)
-
-            found = ablate(
-                scene,
-                runs_to(window.end),
-                asked,
-                lambda: _SPENT * allowed - (time.thread_time() - begin),
-                lambda seconds: runs_to(min(scene.t_end, window.reached_in(seconds))),
-            )
+        found = ablate(drive, window, asked, time_left) if ablation else None
     motions = as_motions(motion, params.pulley_names)
     return Explanation(
         effects=effects_of(params, _described(torque_fn), motions, sim.effects, sim.passes),

@@ -7,16 +7,13 @@ from typing import Any
 
 import attrs
 
-from ..drive.params import Params
-from ..drive.scene import Scene, first_speeds
-from ..many.shared import Shared
+from ..drive.scene import Scene
+from ..many.shared import Settled
 from ..outputs.state import State
 from ..result.result import Result
 from ..run.settling import settle
 from ..run.simulation import simulate
 
-#: A drive and the speeds with which its motions begin.
-_Start = tuple[Params, tuple[tuple[int, float], ...]]
 #: The first piece of the run that is looked at, as a part of the whole.
 _FIRST = 1.0 / 64.0
 
@@ -36,10 +33,7 @@ class Drive:
     scene: Scene
     rtol: float
     method: str
-    _settled: Shared[_Start, State] = attrs.field(
-        init=False,
-        factory=lambda: Shared(lambda start, _: settle(start[0], speed=dict(start[1]) or None)),
-    )
+    _settled: Settled = attrs.field(init=False, factory=lambda: Settled(settle))
 
     def run(
         self,
@@ -52,8 +46,7 @@ class Drive:
         """Run a scene, with the tolerance times ``tighter`` and options of ``simulate``."""
         begin = time.thread_time()
         if initial is None:
-            speeds = first_speeds(scene._replace(t_end=t_end)) or {}
-            initial = self._settled.get((scene.params, tuple(speeds.items())))
+            initial = self._settled.start(scene._replace(t_end=t_end))
         result = simulate(
             scene.params,
             scene.torque_fn,
@@ -84,8 +77,8 @@ class Window:
     final: State = attrs.field(repr=False)
 
     def reached_in(self, seconds: float) -> float:
-        """Return the time that a run reaches in some CPU time, at the pace of the window [s]."""
-        return seconds / self.pace if self.pace > 0.0 else self.asked
+        """Return the time that the run reaches in some CPU time, at the pace of the window [s]."""
+        return min(self.asked, seconds / self.pace) if self.pace > 0.0 else self.asked
 
 
 def find_window(drive: Drive, allowance: float) -> Window:

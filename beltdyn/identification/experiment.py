@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..base.checks import Array, close_to, positive, real_array, refuse_masked, sample_times
 from ..base.naming import ByPulley
-from ..drive.parameters import assign, check_name, path_in
+from ..drive.parameters import changed, check_name
 from ..drive.params import Params
 from ..drive.scene import Scene, first_speeds
 from ..loads.motions import MotionLike
@@ -129,10 +129,7 @@ class Experiment:
         Raises:
             ValueError: There is no such drive.
         """
-        drive: Params = assign(
-            params, [(path_in(params, name), value) for name, value in self.changes.items()]
-        )
-        return drive
+        return changed(params, self.changes)
 
     def begin(self, drive: Params) -> State:
         """Return the state this run starts from.

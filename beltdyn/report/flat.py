@@ -51,10 +51,8 @@ def _fields(part: str) -> dict[str, tuple[str, ...]]:
     return {name: _ENDS.get(one, ("",)) for name, one in types.items()}
 
 
-def quantities(part: str) -> list[str] | None:
-    """List the quantities that :func:`numbers` may have of a part; None if there is none."""
-    if part not in ("report", *_ROWS):
-        return None
+def quantities(part: str) -> list[str]:
+    """List the quantities that :func:`numbers` may have of a part."""
     further = {"report": ["first_to_slip", "steady"], "creep": ["slower"]}
     found = [f"{name}{end}" for name, ends in _fields(part).items() for end in ends]
     return found + further.get(part, [])

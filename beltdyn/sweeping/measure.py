@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import Any
 
@@ -11,6 +12,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, close_to, share_of_run
+from ..base.naming import index_of
 from ..drive.params import Params
 from ..outputs.histories import Stats, absent_groups
 from ..outputs.quantity import QUANTITIES, dimensions
@@ -82,12 +84,7 @@ class Measure:
         report = _Report(result, self) if self.in_python else None
         for called, name in self.named:
             if report is not None and _is_of_report(name):
-                whole = _split_report(name)[2] == ""
-                for quantity, value in report.find(name):
-                    own = f"{called}.{quantity.name.rpartition('.')[2]}" if whole else called
-                    if name == "report":
-                        own = called + quantity.name.removeprefix("report")
-                    found.append((quantity._replace(name=own), value))
+                found += report.find(called, name)
             else:
                 quantity, value = _of_result(result, name, self.last)
                 found.append((quantity._replace(name=called), value))
@@ -149,25 +146,22 @@ def _is_of_report(name: str) -> bool:
     return name == "report" or name.startswith("report.")
 
 
-def _split_report(name: str) -> tuple[str, str | None, str]:
+#: A part of a report, a row of it, whose name may hold a dot, and a quantity.
+_OF_REPORT = re.compile(rf"report(?:\.({'|'.join(_PARTS)})(?:\[(.*)\])?)?(?:\.(.+))?")
+
+
+def _split_report(name: str) -> tuple[str, int | str | None, str]:
     """Split "report.pulleys[crank].margin" into part, row and quantity; "" stands for all."""
-    _, _, rest = name.partition(".")
-    if not rest:
-        return "", None, ""
-    head, dot, quantity = rest.partition(".")
-    if "[" in rest:  # the name of a row may hold a dot
-        head, _, after = rest.partition("[")
-        row, bracket, quantity = after.rpartition("]")
-        if not bracket or not (quantity == "" or quantity.startswith(".")):
+    match = _OF_REPORT.fullmatch(name)
+    part, row, quantity = match.groups() if match else (None, None, name)
+    if part is None and (head := re.match(r"[^.[]*(?=[.[])", quantity or "")):
+        if head[0] in _PARTS:
             raise ValueError(f'{name!r}: rows are named like "report.pulleys[crank].margin"')
-        return head, row, quantity.removeprefix(".")
-    if head in _PARTS:
-        return head, None, quantity
-    if dot:
         raise ValueError(
-            f"{name!r}: a report has the parts {', '.join(_PARTS)}{close_to(head, _PARTS)}"
+            f"{name!r}: a report has the parts {', '.join(_PARTS)}{close_to(head[0], _PARTS)}"
         )
-    return "report", None, head
+    at = int(row) if row and row.isdecimal() else row
+    return part or (quantity and "report") or "", at, quantity or ""
 
 
 class _Report:
@@ -185,13 +179,17 @@ class _Report:
                 self._found.setdefault((one.part, one.quantity), {})[one.name] = one
                 self._rows.setdefault(one.part, {})[one.name] = None
 
-    def find(self, name: str) -> list[Found]:
+    def find(self, called: str, name: str) -> Iterator[Found]:
+        """Yield the quantities that a name stands for, by which it is called in the result."""
         part, row, quantity = _split_report(name)
-        found = [at for at in self._found if part in ("", at[0]) and quantity in ("", at[1])]
+        there = [at for at in self._found if part in ("", at[0]) and quantity in ("", at[1])]
         # A drive may have it, only not this run: a margin without a load.
-        return [self._quantity(*at, row) for at in found or [(part, quantity)]]
+        for of, one in there or [(part, quantity)]:
+            more = [of] * (part == "" and of != "report") + [one] * (quantity == "")
+            found, value = self._quantity(of, one, row)
+            yield found._replace(name=".".join([called, *more])), value
 
-    def _quantity(self, part: str, quantity: str, row: str | None) -> Found:
+    def _quantity(self, part: str, quantity: str, row: int | str | None) -> Found:
         found = self._found.get((part, quantity), {})
         rows = found.values()
         words = bool(found) and all(one.text is not None and one.unit == "" for one in rows)
@@ -199,19 +197,16 @@ class _Report:
         values = {name: one.text if words else one.value for name, one in found.items()}
         nothing: Any = "" if words else np.nan
         if part == "report":
-            value = values.get("", nothing)
-            return Quantity(f"report.{quantity}", (), units, quantity, words), value
+            return Quantity("", (), units, quantity, words), values.get("", nothing)
         text = f"{quantity} ({part})"
         by_pulley = _PARTS.get(part) == "pulley"
         names = [*self._pulleys] if by_pulley else [*self._rows.get(part, {})]
         if row is not None:
-            if row.isdecimal() and int(row) < len(names):
-                row = names[int(row)]
-            value = values.get(row, nothing)
-            return Quantity(f"report.{part}[{row}].{quantity}", (), units, text, words), value
+            if isinstance(row, int) and row < len(names):
+                row = names[row]
+            return Quantity("", (), units, text, words), values.get(str(row), nothing)
         axis = Axis(_PARTS[part], tuple(names), len(names))
-        array = [values.get(name, nothing) for name in names]
-        return Quantity(f"report.{part}.{quantity}", (axis,), units, text, words), array
+        return Quantity("", (axis,), units, text, words), [values.get(n, nothing) for n in names]
 
 
 # --- Histories ------------------------------------------------------------------------------------
@@ -258,10 +253,6 @@ def _check_of_report(name: str, params: Params) -> None:
     if part == "":
         return
     known = flat.quantities(part)
-    if known is None:
-        raise ValueError(
-            f"measure: {name!r}: a report has the parts {', '.join(_PARTS)}{close_to(part, _PARTS)}"
-        )
     if quantity not in ("", *known):
         raise ValueError(
             f"measure: {name!r}: there is no {quantity!r}{close_to(quantity, known)} in "
@@ -269,11 +260,8 @@ def _check_of_report(name: str, params: Params) -> None:
         )
     if part == "mounts" and not params.mounted:
         raise ValueError(f"measure: {name}: this drive has no mounts")
-    names = list(params.pulley_names)
-    if row is None or _PARTS.get(part) != "pulley" or row in names:
-        return
-    if not row.isdecimal() or int(row) >= len(names):
-        raise ValueError(f"measure: {name!r}: no pulley is called {row!r}{close_to(row, names)}")
+    if row is not None and _PARTS[part] == "pulley":
+        index_of(f"measure: {name!r}", row, params.pulley_names)
 
 
 def _outputs(names: Sequence[str]) -> tuple[str, ...]:

@@ -204,14 +204,11 @@ def _with_loads(scene: Scene, root: str, changes: list[tuple[Path, Any]]) -> Sce
         return scene
     loads = _loads(scene, root)
     for path, value in sorted(changes, key=_rank):
-        if path == (_SCALE,):
-            loads = {k: _scaled(one, value, root) for k, one in loads.items()}
+        if path[-1:] == (_SCALE,):  # of one, or of all
+            at = [int(path[0])] if len(path) > 1 else [*loads]
+            loads |= {k: _scaled(loads[k], value, root) for k in at}
         elif path:
-            at = int(path[0])
-            if path[1:] == (_SCALE,):
-                loads[at] = _scaled(loads[at], value, root)
-            else:
-                loads[at] = _with(loads[at], path[1:], value)
+            loads[int(path[0])] = _with(loads[int(path[0])], path[1:], value)
     if root == "motion":
         return scene._replace(motion=loads)
     return scene._replace(torque_fn=loads[0] if len(loads) == 1 else TorqueSum([*loads.values()]))

@@ -14,19 +14,16 @@ from .. import _core
 from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.params import Params
-from ..drive.scene import Scene, first_speeds
+from ..drive.scene import Scene
 from ..many.identity import NoKeyError, token
 from ..many.outcome import Outcome, attempt, in_line
-from ..many.shared import Shared
+from ..many.shared import Settled, Shared
 from ..outputs.state import State
 from ..result.result import Result
 from ..run.settling import settle
 from ..run.simulation import simulate
 from .measure import Measure
 from .names import changed, find
-
-#: What tells the drives of a sweep apart: their swept values.
-_Drive = tuple[Hashable, ...]
 
 
 @attrs.define(eq=False)
@@ -39,13 +36,13 @@ class Work:
     measure: Measure
     chained: bool  # whether runs may start from the end of others, so that final states are kept
     of_drive: list[int] = attrs.field(init=False)  # which of the names are the drive's
-    _drives: Shared[_Drive, Params] = attrs.field(init=False)
-    _states: Shared[_Drive, State] = attrs.field(init=False)
+    _drives: Shared[Params] = attrs.field(init=False)
+    _states: Settled = attrs.field(init=False, factory=lambda: Settled(settle))
 
     def __attrs_post_init__(self) -> None:
         roots = [find(self.scene, name).root for name in self.names]
         self.of_drive = [k for k, root in enumerate(roots) if root == "params"]
-        self._drives, self._states = Shared(self._drive), Shared(self._settled)
+        self._drives = Shared(self._drive)
 
     def __call__(self, values: Sequence[Any], before: Array | None = None) -> Outcome:
         """Do a run; ``before`` is the final state of the one whose end it starts from."""
@@ -57,8 +54,8 @@ class Work:
         prepared = attempt(lambda: self._scene(values), (TypeError, ValueError))
         if prepared.status != "finished":
             return prepared
-        drive, scene, options = prepared.value
-        ran = attempt(lambda: self._simulate(drive, scene, options, before))
+        scene, options = prepared.value
+        ran = attempt(lambda: self._simulate(scene, options, before))
         if ran.status != "finished":
             return ran
         result: Result = ran.value
@@ -72,7 +69,7 @@ class Work:
             more["message"] = f"{type(error).__name__}: {in_line(error)}{_where(error)}"
         return attrs.evolve(ran, **more)
 
-    def _scene(self, values: Sequence[Any]) -> tuple[_Drive, Scene, dict[str, Any]]:
+    def _scene(self, values: Sequence[Any]) -> tuple[Scene, dict[str, Any]]:
         """Return the scene of a run; drives with the same numbers are the same object."""
         drive = tuple(_hashable(values[k]) for k in self.of_drive)
         changes = dict(zip(self.names, values, strict=True))
@@ -80,25 +77,18 @@ class Work:
         params = self._drives.get(drive, of_drive)
         scene, options = changed(self.scene._replace(params=params), self.options, changes)
         scene.check()
-        return drive, scene, options
+        return scene, options
 
-    def _drive(self, _key: _Drive, changes: dict[str, Any]) -> Params:
+    def _drive(self, changes: dict[str, Any]) -> Params:
         return changed(self.scene, {}, changes)[0].params
 
-    def _settled(self, _key: _Drive, of: tuple[Params, dict[int, float] | None]) -> State:
-        return settle(of[0], speed=of[1])
-
-    def _simulate(
-        self, drive: _Drive, scene: Scene, options: dict[str, Any], before: Array | None
-    ) -> Result:
+    def _simulate(self, scene: Scene, options: dict[str, Any], before: Array | None) -> Result:
         with silenced():
             if before is not None:
                 options = {**options, "initial": _state_of(before)}
             elif options.get("initial") is None and options.get("verify") is not True:
                 # Runs that verify one settle on meshes of their own, as the run itself did.
-                speeds = first_speeds(scene, options.get("breakpoints", ()))
-                key = (*drive, tuple((speeds or {}).items()))
-                state = self._states.get(key, (scene.params, speeds))
+                state = self._states.start(scene, options.get("breakpoints", ()))
                 options = {**options, "initial": state}
             return simulate(*scene, outputs=self.measure.outputs, **options)
 

@@ -12,10 +12,10 @@ import numpy as np
 from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.params import Params
-from ..drive.scene import Scene, first_speeds
+from ..drive.scene import Scene
 from ..loads.motions import in_core
 from ..loads.torques import Torque
-from ..many.shared import Shared
+from ..many.shared import Settled
 from ..outputs.accuracy_report import Accuracy
 from ..outputs.state import State
 from ..result.result import Result
@@ -86,7 +86,7 @@ class Runs:
         self.settling: dict[int, float] = {}  # CPU time of settling on the meshes so far [s]
         self._simulate, self._settle = simulate, settle
         self._last, self._options = last, options or {}
-        self._rest: Shared[int, State] = Shared(self._settled)
+        self._settled = Settled(self._settle_timed)
         self._initial, self._clock = initial, clock
 
     def __call__(self, setting: Setting) -> Done:
@@ -118,14 +118,13 @@ class Runs:
         """Return the state to start from on a mesh."""
         if self._initial is not None:
             return self._initial
-        return self._rest.get(n_bodies)
-
-    def _settled(self, n_bodies: int, _of: None) -> State:
-        begun = self._clock()
         scene = self.scene._replace(params=with_links(self.scene.params, n_bodies))
-        speeds = first_speeds(scene, self._options.get("breakpoints", ()))
-        state = self._settle(scene.params, speed=speeds)
-        self.settling[n_bodies] = self._clock() - begun
+        return self._settled.start(scene, self._options.get("breakpoints", ()))
+
+    def _settle_timed(self, params: Params, **options: Any) -> State:
+        begun = self._clock()
+        state = self._settle(params, **options)
+        self.settling[params.n_bodies] = self._clock() - begun
         return state
 
 

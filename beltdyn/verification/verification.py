@@ -86,19 +86,19 @@ class Verification:
         self._runs = Runs(scene, simulate, settle, t_eval=times, options=common)
         self._method, self._rtol, self._step = options.method, options.rtol, options.step
         self._pool: Pool | None = None
-        self._meshes: dict[float, Future[Outcome]] = {}
-        self._in_time: tuple[str, Future[Outcome]] | None = None
+        #: Runs begun in the other thread, by ratio of the mesh or method of the check in time.
+        self._begun: dict[float | str, Future[Outcome]] = {}
         if evaluated_in_core(self._scene):
             self._pool = as_pool(1)
             # What has not begun when this thread is free is run here.
             for ratio in (COARSE, FINE):
-                self._meshes[ratio] = self._pool.submit(self._on_mesh, ratio)
+                self._begun[ratio] = self._pool.submit(self._on_mesh, ratio)
 
     def watch(self, reached: Reached) -> None:
         """Start the check in time, the longest run, as soon as its method can be chosen."""
         start, end = reached.start.t, self._scene.t_end
         part = (reached.t - start) / (end - start)
-        if self._pool is None or self._in_time is not None or part < BEGUN:
+        if self._pool is None or len(self._begun) > len((COARSE, FINE)) or part < BEGUN:
             return
         if self._method == "auto" and reached.method == "tsit5":
             return  # it may still change
@@ -109,9 +109,9 @@ class Verification:
         if len(methods) > 1:
             return
         method = methods.pop()
-        self._in_time = method, self._pool.submit(self._check_time, method, reached.start)
-        if self._meshes[FINE].cancel():
-            self._meshes[FINE] = self._pool.submit(self._on_mesh, FINE)
+        self._begun[method] = self._pool.submit(self._check_time, method, reached.start)
+        if self._begun[FINE].cancel():
+            self._begun[FINE] = self._pool.submit(self._on_mesh, FINE)
 
     def close(self) -> None:
         """Stop the runs that have not ended."""
@@ -127,11 +127,9 @@ class Verification:
             return attrs.evolve(before, notes=(f"not verified: {error}",))
         stats, duration = result.stats, result.final_state.t - start.t
         methods = self._methods(stats.method, stats.steps, duration)
-        if self._in_time is not None and self._in_time[1].cancel():
-            self._in_time = None
-        left = self._in_time is not None and self._in_time[0] == methods[0]
-        before_meshes = None if left else self._time(methods, start)
-        meshes = {ratio: self._mesh(ratio) for ratio in (FINE, COARSE)}
+        begun = self._begun.get(methods[0])
+        before_meshes = self._time(methods, start) if begun is None or begun.cancel() else None
+        meshes = {ratio: self._result(ratio, self._on_mesh, ratio) for ratio in (FINE, COARSE)}
         in_time = before_meshes or self._time(methods, start)
         notes = [one.message for one in (in_time, *meshes.values()) if one.value is None]
         checks = tuple(one.value for one in (in_time, meshes[COARSE], meshes[FINE]))
@@ -200,10 +198,7 @@ class Verification:
     def _time(self, methods: Sequence[str], start: State) -> Outcome:
         """Return the error in time by a tighter integration on the same mesh, first to finish."""
         for method in methods:
-            if self._in_time is not None and self._in_time[0] == method:
-                check = self._in_time[1].result()
-            else:
-                check = self._check_time(method, start)
+            check = self._result(method, self._check_time, method, start)
             if check.value is not None:
                 return check
         return attrs.evolve(check, message=f"error in time not verified: {check.message}")
@@ -244,12 +239,10 @@ class Verification:
             n_bodies = with_links(own, n_bodies).n_bodies
         return (n_bodies - spans) / (own.n_bodies - spans)
 
-    def _mesh(self, ratio: float) -> Outcome:
-        """Return the run on another mesh, done here unless the other thread has begun it."""
-        future = self._meshes.get(ratio)
-        if future is None or future.cancel():
-            return self._on_mesh(ratio)
-        return future.result()
+    def _result(self, what: float | str, do: Callable[..., Outcome], *of: Any) -> Outcome:
+        """Return the outcome of a run, done here unless the other thread has begun it."""
+        future = self._begun.get(what)
+        return do(*of) if future is None or future.cancel() else future.result()
 
     def _on_mesh(self, ratio: float) -> Outcome:
         n_bodies, own = self._links(ratio), self._params.n_bodies
