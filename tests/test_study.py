@@ -301,7 +301,7 @@ def test_more_budget_buys_more_accuracy_and_is_kept(budgets: list[float]) -> Non
     for seconds in budgets:
         counted = Counted()
         plan = counted.plan(seconds)
-        chosen = {"initial": plan.initial, "method": plan.method, "rtol": plan.rtol}
+        chosen = {"initial": plan.initial, **plan.forecast.setting.options}
         counted.simulate(plan.params, *SHORT[1:], watch=lambda _t: None, **chosen)
         assert 0.5 * seconds <= counted.now <= seconds
         assert "better ones would take too long" in str(plan)
@@ -311,7 +311,7 @@ def test_more_budget_buys_more_accuracy_and_is_kept(budgets: list[float]) -> Non
 
 def test_a_budget_that_was_exceeded_is_a_warning() -> None:
     plan = attrs.evolve(Counted().plan(0.01), budget=1.0)
-    setting = {"method": plan.method, "rtol": plan.rtol}
+    setting = plan.forecast.setting.options
     plain = bd.simulate(plan.params, *SHORT[1:], **setting)
     run = bd.simulate(plan.params, *SHORT[1:], **setting, expected=plan.expected)
     kept, none = plan.judge(run, 0.9)

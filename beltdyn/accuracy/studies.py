@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import attrs
@@ -120,6 +120,10 @@ def study(
             contents = Contents(scene, {}, (), f"study {last} {_core.kernel_level()}")
     workers = workers if workers is None else integer("workers", workers, 1)
     shown = flag("progress", progress)
+    names = _names(scene, methods)
+    finest = 2 * ladder[-1] if finest is None else integer("finest", finest, ladder[-1] + 1)
+    limit = positive("limit", limit, "s")
+    runs = Runs(scene, simulate, settle, last=last)
 
     def collected(what: str, do: Run, inputs: Mapping[Setting, Any], **others: Any) -> _Outcomes:
         """Do runs at settings; of each what it depends on besides the scene is given."""
@@ -136,17 +140,60 @@ def study(
         )
         return dict(zip(inputs, found, strict=True))
 
-    job = _Job(
-        scene=scene,
-        methods=_names(scene, methods),
-        rtols=tolerances,
-        meshes=ladder,
-        finest=2 * ladder[-1] if finest is None else integer("finest", finest, ladder[-1] + 1),
-        limit=positive("limit", limit, "s"),
-        runs=Runs(scene, simulate, settle, last=last),
-        collected=collected,
+    def refer(setting: Setting, _before: Array | None) -> Outcome:
+        return Outcome(status="finished", value=_as_lists(runs(setting).seen))
+
+    def climb(setting: Setting, before: Array | None) -> Outcome:
+        """Run a setting, unless the looser one before it, of so much CPU time, took too long."""
+        if before is not None and before[0] > limit:
+            return Outcome(status="missing", final=before)
+        own = {pair.method: seen[pair] for pair in pairs[setting.n_bodies]}
+        outcome = attempt(
+            lambda: _compared(runs, setting, own, first[finest], limit), SimulationError
+        )
+        seconds = (outcome.value or _FAILED)["seconds"]
+        return attrs.evolve(outcome, final=np.array([seconds]))
+
+    # The longest first, so that no thread is left with them at the end.
+    pairs = {
+        n: _references(scene, n, finest, tolerances[-1], limit) for n in (finest, *ladder[::-1])
+    }
+    wanted = {one: ["reference", attrs.astuple(one)] for pair in pairs.values() for one in pair}
+    referred = collected("references", refer, wanted)
+    seen = {one: _from_lists(outcome.value) for one, outcome in referred.items()}
+    first, second = ({n: seen[pair[k]] for n, pair in pairs.items()} for k in (0, 1))
+    settings = {n: [Setting(n, m, r) for m in names for r in tolerances] for n in ladder}
+    wanted = {
+        one: [attrs.astuple(of) for of in (one, *pairs[n], *pairs[finest])]
+        for n in reversed(ladder)
+        for one in settings[n]
+    }
+    after = [k - 1 if k % len(tolerances) else -1 for k in range(len(wanted))]
+    climbed = collected("runs", climb, wanted, after=after)
+    space = {n: differences(first[n], first[finest]) for n in ladder}
+    floors = {n: differences(second[n], first[n]) for n in pairs}
+    fall = (finest / ladder[-1]) ** _ORDER - 1.0
+    left = {name: error / fall for name, error in space[ladder[-1]].items()}
+    nodes = scene.params._belt_facts["nodes"]
+    return Study(
+        rows=tuple(
+            Row(setting=one, **(climbed[one].value or _FAILED), failure=climbed[one].message)
+            for n in ladder
+            for one in settings[n]
+            if climbed[one].status != "missing"
+        ),
+        space=space,
+        time_floor={n: floors[n] for n in ladder},
+        space_floor={name: max(floors[finest][name], left[name]) for name in QUANTITIES},
+        finest=finest,
+        references=tuple(
+            f"{n} {nodes}: {' and '.join(f'{one.method} at rtol {one.rtol:g}' for one in pair)}"
+            for n, pair in sorted(pairs.items())
+        ),
+        mesh=scene.params.belt.mesh,
+        nodes=nodes,
+        n_bodies=scene.params.n_bodies,
     )
-    return job.study()
 
 
 def quick(scene: Scene) -> tuple[Scene, dict[str, Any]]:
@@ -185,115 +232,43 @@ def _flows(scene: Scene) -> bool:
     return bool(scene.params._belt_facts["flows"])
 
 
-@attrs.frozen(eq=False, kw_only=True)
-class _Job:
-    """A study in progress."""
+def _references(
+    scene: Scene, n_bodies: int, finest: int, least: float, limit: float
+) -> list[Setting]:
+    """Return two settings on a mesh whose runs those of this tolerance are compared to."""
+    flows, pairs = _flows(scene), _FINE
+    if n_bodies != finest:
+        bound = with_links(scene.params, n_bodies).info["spectral_bound"]
+        explicit = scene.t_end * bound / _EXPLICIT_STEP * _EXPLICIT_COST * n_bodies
+        pairs = _TIGHT[1:] if flows or explicit > _LONGEST * limit else _TIGHT[:2]
+    scale = _ON_CELLS if flows else 1.0
+    return [
+        Setting(n_bodies, name, scale * max(share * least, floor)) for name, share, floor in pairs
+    ]
 
-    scene: Scene
-    methods: list[str]
-    rtols: list[float]
-    meshes: list[int]
-    finest: int
-    limit: float
-    runs: Runs
-    collected: Callable[..., _Outcomes]
 
-    def study(self) -> Study:
-        # The longest first, so that no thread is left with them at the end.
-        pairs = {n: self._references(n) for n in (self.finest, *reversed(self.meshes))}
-        wanted = {one: ["reference", attrs.astuple(one)] for pair in pairs.values() for one in pair}
-        referred = self.collected("references", self._reference, wanted)
-        seen = {one: _from_lists(outcome.value) for one, outcome in referred.items()}
-        first, second = ({n: seen[pair[k]] for n, pair in pairs.items()} for k in (0, 1))
-        fine = first[self.finest]
-
-        def climb(one: Setting, before: Array | None) -> Outcome:
-            own = {pair.method: seen[pair] for pair in pairs[one.n_bodies]}
-            return self._climb(one, before, own, fine)
-
-        settings = self._settings(reversed(self.meshes))
-        climbed = self.collected(
-            "runs",
-            climb,
-            {
-                one: [attrs.astuple(of) for of in (one, *pairs[one.n_bodies], *pairs[self.finest])]
-                for one in settings
-            },
-            after=[k - 1 if k % len(self.rtols) else -1 for k in range(len(settings))],
-        )
-        space = {n: differences(first[n], fine) for n in self.meshes}
-        floors = {n: differences(second[n], first[n]) for n in pairs}
-        fall = (self.finest / self.meshes[-1]) ** _ORDER - 1.0
-        left = {name: error / fall for name, error in space[self.meshes[-1]].items()}
-        nodes = self.scene.params._belt_facts["nodes"]
-        return Study(
-            rows=tuple(
-                Row(setting=one, **(climbed[one].value or _FAILED), failure=climbed[one].message)
-                for one in self._settings(self.meshes)
-                if climbed[one].status != "missing"
-            ),
-            space=space,
-            time_floor={n: floors[n] for n in self.meshes},
-            space_floor={name: max(floors[self.finest][name], left[name]) for name in QUANTITIES},
-            finest=self.finest,
-            references=tuple(
-                f"{n} {nodes}: "
-                + " and ".join(f"{one.method} at rtol {one.rtol:g}" for one in pairs[n])
-                for n in sorted(pairs)
-            ),
-            mesh=self.scene.params.belt.mesh,
-            nodes=nodes,
-            n_bodies=self.scene.params.n_bodies,
-        )
-
-    def _settings(self, meshes: Iterable[int]) -> list[Setting]:
-        return [Setting(n, m, r) for n in meshes for m in self.methods for r in self.rtols]
-
-    def _references(self, n_b: int) -> list[Setting]:
-        """Return two settings on a mesh whose runs others are compared to."""
-        flows, pairs = _flows(self.scene), _FINE
-        if n_b != self.finest:
-            bound = with_links(self.scene.params, n_b).info["spectral_bound"]
-            explicit = self.scene.t_end * bound / _EXPLICIT_STEP * _EXPLICIT_COST * n_b
-            pairs = _TIGHT[1:] if flows or explicit > _LONGEST * self.limit else _TIGHT[:2]
-        least, scale = min(self.rtols), _ON_CELLS if flows else 1.0
-        return [
-            Setting(n_b, name, scale * max(share * least, floor)) for name, share, floor in pairs
-        ]
-
-    def _reference(self, setting: Setting, _before: Array | None) -> Outcome:
-        return Outcome(status="finished", value=_as_lists(self.runs(setting).seen))
-
-    def _climb(
-        self, setting: Setting, before: Array | None, own: dict[str, Observed], fine: Observed
-    ) -> Outcome:
-        """Run a setting, unless the looser one before it, of so much CPU time, took too long."""
-        if before is not None and before[0] > self.limit:
-            return Outcome(status="missing", final=before)
-        times: list[float] = []
-
-        def run() -> dict[str, Any]:
-            while not times or (
-                len(times) < _REPEATS and (len(times) + 1) * min(times) <= _REPEATED * self.limit
-            ):
-                done = self.runs(setting)
-                times.append(done.cpu)
-            # References by another method; "auto" may have used either.
-            unrelated = [seen for method, seen in own.items() if method != setting.method]
-            if setting.method != "auto":
-                del unrelated[1:]
-            apart = [differences(done.seen, seen) for seen in unrelated]
-            return {
-                "seconds": min(times),
-                "repeats": len(times),
-                "steps": done.steps,
-                "error": differences(done.seen, fine),
-                "time": {name: max(one[name] for one in apart) for name in QUANTITIES},
-            }
-
-        outcome = attempt(run, SimulationError)
-        seconds = (outcome.value or _FAILED)["seconds"]
-        return attrs.evolve(outcome, final=np.array([seconds]))
+def _compared(
+    runs: Runs, setting: Setting, own: dict[str, Observed], fine: Observed, limit: float
+) -> dict[str, Any]:
+    """Run a setting; return its cost, its errors against references on its mesh and the finest."""
+    times: list[float] = []
+    while not times or (
+        len(times) < _REPEATS and (len(times) + 1) * min(times) <= _REPEATED * limit
+    ):
+        done = runs(setting)
+        times.append(done.cpu)
+    # References by another method; "auto" may have used either.
+    unrelated = [seen for method, seen in own.items() if method != setting.method]
+    if setting.method != "auto":
+        del unrelated[1:]
+    apart = [differences(done.seen, seen) for seen in unrelated]
+    return {
+        "seconds": min(times),
+        "repeats": len(times),
+        "steps": done.steps,
+        "error": differences(done.seen, fine),
+        "time": {name: max(one[name] for one in apart) for name in QUANTITIES},
+    }
 
 
 def _as_lists(seen: Observed) -> dict[str, Any]:

@@ -113,6 +113,15 @@ def positive(name: str, value: object, unit: str = "1") -> float:
     return number
 
 
+def between(name: str, value: object, low: float = 0.0, high: float = 1.0) -> float:
+    """Check a real number between two others, neither of them; return it as a plain float."""
+    number = real(name, value)
+    if not low < number < high:
+        rule = f"> {low:g}" + (f" and < {high:g}" if high < float("inf") else "")
+        raise ValueError(f"{name} must be {rule}, got {number:g}")
+    return number
+
+
 def share_of_run(name: str, value: object) -> float:
     """Check a part of a run, counted from its end; return it as a plain float."""
     share = real(name, value)

@@ -12,7 +12,7 @@ def optional_module(name: str, user: str, extra: str) -> Any:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
-        if error.name != package:  # the package is there, and itself lacks something
+        if str(error.name).partition(".")[0] != package:  # it is there, and itself lacks another
             raise
         raise ImportError(
             f'{user} needs the package {package}: python -m pip install "beltdyn[{extra}]"'
@@ -21,9 +21,4 @@ def optional_module(name: str, user: str, extra: str) -> Any:
 
 def scipy_module(name: str, user: str) -> Any:
     """Import a module of SciPy."""
-    try:
-        return import_module(f"scipy.{name}")
-    except ImportError:
-        raise ImportError(
-            f"{user} need SciPy: python -m pip install scipy (or beltdyn[vibration])"
-        ) from None
+    return optional_module(f"scipy.{name}", user, "vibration")

@@ -11,7 +11,7 @@ import attrs
 import click
 
 from .. import __version__, accuracy, scenes
-from ..base.checks import close_to, positive
+from ..base.checks import one_of, positive, share_of_run
 from ..base.run_options import BY_BUDGET
 from ..base.run_warnings import silenced
 from ..base.tables import columns
@@ -25,7 +25,7 @@ from ..scenes.hard_scenes import HardScene
 from ..verification.quantities import QUANTITIES
 from .command_options import PATH, QUIET_RUN, Asked, Option, options
 from .ending import BAD_INPUT, Group, interruptible, reported, stop
-from .written import check_files, check_share, finish, running, save_figure, write_files
+from .written import check_files, finish, running, save_figure, write_files
 
 
 @click.group("beltdyn", cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
@@ -83,9 +83,8 @@ def list_scenes(hard: str | None) -> None:
 def _list_hard(family: str) -> None:
     """List the hard scenes of a family, or "all"."""
     families = list(dict.fromkeys(one.family for one in HARD.values()))
-    if family not in ("all", *families):
-        there = f"{close_to(family, families)}; there are {', '.join(families)}"
-        stop(f"--hard: no family is called {family!r}{there}", BAD_INPUT)
+    with reported():
+        one_of("--hard", family, ("all", *families))
     found = [one for one in HARD.values() if family in ("all", one.family)]
     click.echo(f"{len(found)} scenes made to break an integrator; run one: beltdyn run hard/NAME")
     width = max(map(len, HARD))
@@ -165,7 +164,8 @@ def run(asked: Asked) -> None:
     slip of the pulleys, tensions of the spans, efficiency, errors; with --full also arcs of
     contact, creep by its causes, where power goes, load cycles.
     """
-    check_share(asked.last)
+    with reported():
+        share_of_run("--last", asked.last)
     check_files(asked)
     _check_together(asked)
     outputs = asked.outputs
@@ -272,7 +272,8 @@ def resume_run(asked: Asked) -> None:
     given again. FILE is written on, so that this may be killed as well.
     """
     file = asked.file
-    check_share(asked.last)
+    with reported():
+        share_of_run("--last", asked.last)
     check_files(asked)
     if file in (asked.out, asked.plot, asked.animate):
         stop(f"{file} is the run itself: write to another file", BAD_INPUT)

@@ -63,9 +63,9 @@ def reported(access: str = "read", kept: Callable[[], str] = lambda: "") -> Iter
     except OSError as error:
         code = FAILED if access == "write" else BAD_INPUT
         stop(f"cannot {access} {error.filename}: {error.strerror or error}", code)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, ImportError) as error:
         stop(str(error), BAD_INPUT)
-    except (ImportError, RuntimeError) as error:  # of runs, workers and packages
+    except RuntimeError as error:  # of runs, and of workers that are lost
         stop(str(error), FAILED)
     except KeyboardInterrupt as error:
         stop(f"{str(error) or 'interrupted'}{kept()}", INTERRUPTED)

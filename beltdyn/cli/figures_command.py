@@ -11,8 +11,8 @@ import click
 from ..base import files
 from ..base.run_warnings import RunWarning, distinct, silenced
 from .command_options import PATH, Asked, Option, options
-from .ending import BAD_INPUT, interruptible, reported, stop, warn
-from .written import check_writable, figure_kinds, need_matplotlib
+from .ending import interruptible, reported, warn
+from .written import check_figure, check_writable
 
 
 @click.command("figures")
@@ -33,12 +33,10 @@ def draw_figures(asked: Asked) -> None:
     Writes fig-05.png, fig-05.pdf and so on, and table.txt.
     """
     check_writable(asked.out, folder=True)
-    need_matplotlib("beltdyn figures")
     kinds = [kind.strip().lower().removeprefix(".") for kind in asked.format.split(",")]
-    known = figure_kinds()
-    for kind in kinds:
-        if kind not in known:
-            stop(f"--format: {kind!r} must be one of {', '.join(known)}", BAD_INPUT)
+    with reported():
+        for kind in kinds:
+            check_figure("beltdyn figures", "--format", kind)
     written: list[Path] = []
 
     def so_far() -> str:

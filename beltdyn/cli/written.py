@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..base import files
+from ..base.checks import one_of
 from ..base.optional import optional_module
 from ..base.run_warnings import silenced
 from ..base.tables import framed
@@ -23,7 +24,7 @@ from ..result.exported import RESULTS, check_ending
 from ..result.result import Result
 from ..scenes.hard_scenes import HardScene
 from .command_options import Asked
-from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, stop, warn
+from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, reported, stop, warn
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,18 +43,15 @@ def check_files(asked: Asked, endings: Iterable[str] = tuple(RESULTS)) -> None:
     for (one, path), (other, same) in combinations(named.items(), 2):
         if path == same:
             stop(f"--{one} and --{other} must not be the same file, {path}", BAD_INPUT)
-    try:
+    with reported():
         if "out" in named:
             check_ending(named["out"], endings)
-    except (ValueError, ImportError) as error:
-        stop(f"--out: {error}", BAD_INPUT)
-    if "plot" in named:
-        need_matplotlib("--plot")
-        path, kinds = named["plot"], figure_kinds()
-        if path.suffix[1:].lower() not in kinds:
-            stop(f"cannot plot to {path}: its ending must be one of {', '.join(kinds)}", BAD_INPUT)
-    if "animate" in named:
-        _check_film(named["animate"])
+        if path := named.get("plot"):
+            check_figure("--plot", f"the ending of {path}", path.suffix[1:].lower())
+        if "animate" in named:
+            from ..plot.animation import film_writer
+
+            film_writer(named["animate"])
 
 
 def check_writable(path: Path, folder: bool = False) -> None:
@@ -71,28 +69,12 @@ def check_writable(path: Path, folder: bool = False) -> None:
         stop(f"{what}: {error.strerror}", BAD_INPUT)
 
 
-def need_matplotlib(what: str) -> None:
-    """Stop if it is not installed, which `what` needs."""
-    try:
-        optional_module("matplotlib", what, "plot")
-    except ImportError as error:
-        stop(f"{error}", BAD_INPUT)
-
-
-def figure_kinds() -> list[str]:
-    """Return the endings that a figure may have."""
+def check_figure(user: str, name: str, kind: str) -> None:
+    """Check that matplotlib is there, and writes figures of a kind, which messages call so."""
+    optional_module("matplotlib", user, "plot")
     from matplotlib.backend_bases import FigureCanvasBase
 
-    return list(FigureCanvasBase.get_supported_filetypes())
-
-
-def _check_film(path: Path) -> None:
-    try:
-        from ..plot.animation import film_writer
-
-        film_writer(path)
-    except (ImportError, ValueError) as error:
-        stop(f"--animate: {error}", BAD_INPUT)
+    one_of(name, kind, list(FigureCanvasBase.get_supported_filetypes()))
 
 
 def write_files(*asked: tuple[Path | None, Callable[[Path], Any]]) -> str:
@@ -139,12 +121,6 @@ def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure in one step, of the kind that the ending of the path names."""
     with files.replacing(path) as temporary:
         figure.savefig(temporary, format=path.suffix[1:].lower())
-
-
-def check_share(last: float) -> None:
-    """Stop unless --last is a share of a run."""
-    if not 0.0 < last <= 1.0:
-        stop(f"--last must be > 0 and <= 1 (a share of the run), got {last:g}", BAD_INPUT)
 
 
 def _hint(checkpoint: Path | None) -> str:

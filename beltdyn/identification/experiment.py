@@ -18,7 +18,7 @@ from ..drive.params import Params
 from ..drive.scene import Scene, first_speeds
 from ..loads.motions import MotionLike
 from ..loads.torques import TorqueLike
-from ..outputs.histories import GROUPS, EnergyLedger
+from ..outputs.quantity import QUANTITIES
 from ..outputs.state import State
 from ..result.result import Result
 from ..run.settling import settle
@@ -41,12 +41,7 @@ def _keywords(function: Callable[..., Any], *others: str) -> set[str]:
 
 _SETTLING = _keywords(settle, "initial", "progress")
 _OPTIONS = _keywords(simulate, "t_eval", "initial", "progress")
-_QUANTITIES = [
-    *(f"{group}.{name}" for group, kind in GROUPS.items() for name in kind.array_names()),
-    *(f"energy.{name}" for name, kind in vars(EnergyLedger).items() if isinstance(kind, property)),
-    "span_tension",
-    "slip",
-]
+_QUANTITIES = (*QUANTITIES, "energy.total", "energy.losses", "slip")
 
 
 def _dict(value: Mapping[str, Any] | None) -> dict[str, Any]:

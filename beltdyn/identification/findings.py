@@ -11,7 +11,7 @@ from statistics import NormalDist
 import attrs
 import numpy as np
 
-from ..base.checks import Array, flag, one_of, real
+from ..base.checks import Array, between, flag, one_of
 from ..base.rounding import percent
 from ..base.tables import columns
 from ..drive.params import Params
@@ -24,14 +24,6 @@ from .linear import Combination
 #: Of the test of residuals: least samples, least rms in standard deviations, and probability below
 #: which they are not those of noise.
 _SAMPLES, _MATTERS, _CHANCE = 20, 0.5, 1e-3
-
-
-def confidence_of(value: object) -> float:
-    """Check a confidence: between 0 and 1."""
-    confidence = real("confidence", value)
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence must be between 0 and 1, got {confidence:g}")
-    return confidence
 
 
 @attrs.frozen(eq=False, repr=False)
@@ -183,7 +175,7 @@ class Identification:
         Raises:
             ValueError: ``confidence`` is not between 0 and 1.
         """
-        level = self.confidence if confidence is None else confidence_of(confidence)
+        level = self.confidence if confidence is None else between("confidence", confidence)
         shared = len(self.values) if flag("simultaneous", simultaneous) else 1
         tail = (1.0 - level) / (2.0 * shared)
         if math.isinf(self.dof):

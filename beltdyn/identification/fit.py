@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from importlib import import_module
 from typing import Any
 
 import attrs
@@ -12,6 +11,7 @@ import numpy as np
 
 from ..base.checks import Array, flag, integer
 from ..base.described import suggesting
+from ..base.optional import optional_module
 from ..base.progress import counted
 from ..base.run_warnings import distinct, issue
 from ..drive.params import Params
@@ -136,12 +136,7 @@ def identify(
         Exception: What a torque function or a reader raises comes out unchanged.
     """
     given = dict(locals())
-    try:
-        least_squares = import_module("scipy.optimize").least_squares
-    except ImportError:
-        raise ImportError(
-            "beltdyn.identify needs SciPy: python -m pip install scipy (or beltdyn[identify])"
-        ) from None
+    least_squares = optional_module("scipy.optimize", "beltdyn.identify", "identify").least_squares
     check_params(params)
     parameters = resolve(params, free)
     options = Options.among(given, parameters)

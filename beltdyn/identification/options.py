@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self
 
 import attrs
 
-from ..base.checks import flag, integer, one_of, pair, positive, real
-from .findings import confidence_of
+from ..base.checks import between, flag, integer, one_of, pair, positive
 from .free import Parameter
 from .linear import LOSSES
-
-
-def _factor(value: object) -> float:
-    if real("limit", value) <= 1.0:
-        raise ValueError(f"limit must be > 1, got {value:g}")
-    return real("limit", value)
-
-
-def _share(value: object) -> float:
-    if positive("diff_step", value) >= 1.0:
-        raise ValueError(f"diff_step must be < 1, got {value:g}")
-    return real("diff_step", value)
 
 
 def _checked(name: str, check: Callable[..., Any], *rule: Any) -> Any:
@@ -33,10 +21,10 @@ def _checked(name: str, check: Callable[..., Any], *rule: Any) -> Any:
 class Options:
     """Arguments of :func:`beltdyn.identify`; of each prior index, coordinate and its deviation."""
 
-    confidence: float = attrs.field(converter=confidence_of)
-    limit: float = attrs.field(converter=_factor)
+    confidence: float = _checked("confidence", between)
+    limit: float = _checked("limit", between, 1.0, math.inf)
     jac: str = _checked("jac", one_of, ("3-point", "2-point"))
-    diff_step: float = attrs.field(converter=_share)
+    diff_step: float = _checked("diff_step", between)
     tol: float = _checked("tol", positive)
     max_nfev: int = _checked("max_nfev", integer, 1)
     starts: int = _checked("starts", integer, 1)

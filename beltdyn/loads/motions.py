@@ -89,14 +89,14 @@ class AngleTable:
         _refuse_wraps(t, self.angle)
         if self.cutoff is None:
             _refuse_kinks(t, self.angle)
-            speeds = scipy_module("interpolate", "angle tables").CubicSpline(t, self.angle)(t, 1)
+            speeds = scipy_module("interpolate", "an angle table").CubicSpline(t, self.angle)(t, 1)
         else:
             t, speeds = self._filtered(self.cutoff)
         object.__setattr__(self, "speed", PiecewiseLinear(t, speeds))
 
     def _filtered(self, cutoff: float) -> tuple[Array, Array]:
         """Return times and speeds of the angles, filtered at the cutoff."""
-        signal = scipy_module("signal", "angle tables")
+        signal = scipy_module("signal", "an angle table")
         lasts = float(self.t[-1] - self.t[0])
         n = 1 + round(lasts / float(np.median(np.diff(self.t))))
         rate = (n - 1) / lasts
@@ -112,7 +112,7 @@ class AngleTable:
         # as many samples beyond each end as the filter remembers, if there are so many
         beyond = min(n - 1, round(rate / cutoff) * _ORDER)
         smooth = line + signal.sosfiltfilt(low, angles - line, padlen=beyond)
-        spline = scipy_module("interpolate", "angle tables").CubicSpline(even, smooth)
+        spline = scipy_module("interpolate", "an angle table").CubicSpline(even, smooth)
         knots = np.linspace(even[0], even[-1], 1 + min(n - 1, math.ceil(_KNOTS * cutoff * lasts)))
         return knots, spline(knots, 1)
 

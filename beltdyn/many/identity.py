@@ -36,8 +36,12 @@ _IDLE |= {"__firstlineno__", "__static_attributes__", "__annotate_func__"}
 #: What a class has that makes methods of its fields, and the files that these seem to be in.
 _FIELDS = {"__dataclass_fields__", "__attrs_attrs__", "_fields"}
 _OF_FIELDS = ("<string>", "<attrs generated", dataclasses.__file__)
-#: What methods and properties of a class hold.
-_HELD = ("__func__", "fget", "fset", "fdel", "func")
+#: Methods, properties and fields of a class or an object, and what they hold.
+_DESCRIPTORS = (
+    *(types.MethodType, types.MemberDescriptorType, types.GetSetDescriptorType),
+    *(staticmethod, classmethod, property, functools.cached_property),
+)
+_HELD = ("__func__", "__self__", "fget", "fset", "fdel", "func")
 _Function = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
 
 
@@ -57,9 +61,9 @@ def _short(text: str) -> str:
     return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()[:32]
 
 
-def _unknown(value: Any, why: str = "from outside") -> NoKeyError:
+def _unknown(value: Any, why: str = " from outside") -> NoKeyError:
     what = getattr(value, "__qualname__", f"{value!r:.60}")
-    return NoKeyError(f"what {what} does cannot be known{why if why[0] == ',' else f' {why}'}")
+    return NoKeyError(f"what {what} does cannot be known{why}")
 
 
 class _Walk:
@@ -116,8 +120,8 @@ class _Walk:
             return f"module {_origin(value.__name__)}"
         if isinstance(value, types.FunctionType):
             return self._function(value)
-        if isinstance(value, types.MethodType):
-            return f"method {self._all([value.__func__, value.__self__])}"
+        if isinstance(value, _DESCRIPTORS):
+            return f"{kind.__name__} {self._all(getattr(value, one, None) for one in _HELD)}"
         if isinstance(value, type):
             return self._class(value) if _is_users(module) else _named(value)
         if isinstance(value, (types.BuiltinFunctionType, np.ufunc)):
@@ -151,28 +155,18 @@ class _Walk:
 
     def _class(self, kind: type) -> str:
         """Return what a class of the user's is, but for the methods made from its fields."""
-        parts = [self.text(base) for base in (*kind.__bases__, type(kind))]
-        from_fields = not _FIELDS.isdisjoint(vars(kind))
-        for name in sorted({*vars(kind)} - _IDLE):
-            value = vars(kind)[name]
-            code = getattr(getattr(value, "__func__", value), "__code__", None)
-            file = "" if code is None else code.co_filename
-            slot = isinstance(value, (types.MemberDescriptorType, types.GetSetDescriptorType))
-            held = [value]
-            if slot or (from_fields and file.startswith(_OF_FIELDS)):
-                held = []  # it follows from the fields
-            elif isinstance(
-                value, (staticmethod, classmethod, property, functools.cached_property)
-            ):
-                held = [getattr(value, one, None) for one in _HELD]
-            parts.append(f"{name} = {self._all(held)}")
-        return f"class {_named(kind)} {'; '.join(parts)}"
+        bases = self._all([*kind.__bases__, type(kind)])
+        names = {*vars(kind)} - _IDLE
+        if not _FIELDS.isdisjoint(vars(kind)):
+            names = {name for name in names if not _file(vars(kind)[name]).startswith(_OF_FIELDS)}
+        parts = [f"{name} = {self.text(vars(kind)[name])}" for name in sorted(names)]
+        return f"class {_named(kind)} {bases} {'; '.join(parts)}"
 
     def _function(self, function: types.FunctionType) -> str:
         try:
             cells = [cell.cell_contents for cell in function.__closure__ or ()]
         except ValueError:
-            raise _unknown(function, "before what it encloses is there") from None
+            raise _unknown(function, " before what it encloses is there") from None
         own = {name: one for name, one in vars(function).items() if name != "__wrapped__"}
         # one made by a function of a package holds what that was called with
         held = self._all([function.__defaults__, function.__kwdefaults__, cells, own])
@@ -195,6 +189,11 @@ class _Walk:
         if users and attributes and attributes[0] in vars(value):
             return self._use(vars(value)[attributes[0]], attributes[1:])
         return self.text(value)
+
+
+def _file(method: Any) -> str:
+    code = getattr(getattr(method, "__func__", method), "__code__", None)
+    return "" if code is None else str(code.co_filename)
 
 
 def _source(function: types.FunctionType) -> tuple[list[_Function], int]:
@@ -224,10 +223,8 @@ def _parsed(text: str, flags: int) -> tuple[dict[int, list[_Function]], list[typ
             if isinstance(node, _Function):
                 decorators: list[ast.expr] = getattr(node, "decorator_list", [])
                 nodes.setdefault(min(one.lineno for one in (node, *decorators)), []).append(node)
-        for part in (
-            tree.body,
-            *([one] for one in tree.body),
-        ):  # notebooks do statement by statement
+        # as a whole, and statement by statement, as notebooks do
+        for part in (tree.body, *([one] for one in tree.body)):
             codes.append(compile(ast.Module(part, []), "", "exec", flags, dont_inherit=True))
     for code in codes:  # which grows
         codes += [one for one in code.co_consts if isinstance(one, types.CodeType)]

@@ -238,7 +238,7 @@ def simulate(
         start = attrs.evolve(
             start,
             scene=start.scene._replace(params=plan.params),
-            options=attrs.evolve(start.options, method=plan.method, rtol=plan.rtol),
+            options=attrs.evolve(start.options, **plan.forecast.setting.options),
             initial=plan.initial,
             expected=plan.expected,
         )

@@ -63,9 +63,9 @@ def amplitude_spectrum(
     step = even_step(t)
     if not np.isfinite(values).all():
         raise ValueError("a spectrum needs finite values, some are NaN or infinite")
-    signal_ = scipy_module("signal", "spectra")
+    signal_ = scipy_module("signal", "a spectrum")
     weights = signal_.get_window(window, t.size)
-    length = int(scipy_module("fft", "spectra").next_fast_len(_PADDED * t.size, real=True))
+    length = int(scipy_module("fft", "a spectrum").next_fast_len(_PADDED * t.size, real=True))
     without = signal_.detrend(values, type="linear")
     amplitude = np.abs(np.fft.rfft(weights * without, length)) * 2.0 / weights.sum()
     bandwidth = float(np.sum(weights**2) / np.sum(weights) ** 2)
@@ -97,7 +97,7 @@ def spectrogram(t: Array, values: Array, length: float) -> tuple[Array, Array, A
             f"window must be from {FEWEST} samples to all of them, {FEWEST * step:.3g} to "
             f"{t.size * step:.3g} s, got {length:.3g} s"
         )
-    signal_ = scipy_module("signal", "spectra")
+    signal_ = scipy_module("signal", "a spectrum")
     short = signal_.ShortTimeFFT(
         signal_.get_window("hann", count),
         hop=max(1, count // 8),

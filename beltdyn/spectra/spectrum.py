@@ -84,7 +84,7 @@ class Spectrum:
         """
         if integer("count", count, 0) == 0:
             return ()
-        peaks, _ = scipy_module("signal", "spectra").find_peaks(
+        peaks, _ = scipy_module("signal", "a spectrum").find_peaks(
             self.amplitude, prominence=0.5 * self.amplitude, height=np.finfo(float).tiny
         )
         found: list[int] = []

@@ -169,7 +169,7 @@ def _distribution(path: str, value: Any) -> Any:
         return [first, second]
     if second <= 0.0:
         raise ValueError(f"{path}.{kind}[1]: must be > 0, got {second:g}")
-    stats = scipy_module("stats", "distributions of samples")
+    stats = scipy_module("stats", "a distribution of samples")
     if kind == "normal":
         return stats.norm(first, second)
     if first <= 0.0:

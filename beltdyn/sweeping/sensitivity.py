@@ -11,7 +11,7 @@ from typing import Any
 import attrs
 import numpy as np
 
-from ..base.checks import Array, integer, one_of, real, shown
+from ..base.checks import Array, between, integer, one_of, shown
 from ..base.described import suggesting
 from ..base.optional import optional_module
 from ..base.tables import columns
@@ -170,11 +170,8 @@ def sensitivity(
     xarray = optional_module("xarray", "sensitivity", "sensitivity")
     if not isinstance(dataset, xarray.Dataset):
         raise TypeError(f"dataset must be the xarray.Dataset of bd.sweep, got {shown(dataset)}")
-    confidence = real("confidence", confidence)
-    if not 0.0 < confidence < 1.0:
-        raise ValueError(f"confidence must be > 0 and < 1, got {confidence:g}")
     options = {
-        "conf_level": confidence,
+        "conf_level": between("confidence", confidence),
         "num_resamples": integer("resamples", resamples, 2),
         # SALib takes a seed of 0 for none.
         "seed": 1 + integer("seed", seed, 0),
@@ -207,7 +204,7 @@ def sensitivity(
         quantity=str(array.name),
         first=indices.pop("first"),
         first_conf=indices.pop("first_conf"),
-        confidence=confidence,
+        confidence=options["conf_level"],
         used=xarray.DataArray(used, dims=own, coords=coords, attrs={"long_name": design.unit}),
         method=f"Saltelli's estimators, {design.groups} groups of {design.size} runs"
         if design.size > 1

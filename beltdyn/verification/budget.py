@@ -47,12 +47,9 @@ class Plan:
 
     params: Params  # on the mesh chosen
     initial: State
-    method: str
-    rtol: float
     budget: float  # CPU time to keep to [s]
     spent: float  # of it, by the pilot [s]
     forecast: Forecast
-    fixed: bool  # whether the mesh was not to be changed
     limited: bool  # whether a better setting is known that takes longer
 
     @property
@@ -63,7 +60,7 @@ class Plan:
     def __str__(self) -> str:
         expected = (
             f"{percent(self.forecast.time)} in time; the mesh is that of initial"
-            if self.fixed
+            if math.isnan(self.forecast.space)  # the mesh was not to be changed
             else f"{percent(self.forecast.error)}, {percent(self.forecast.space)} of the mesh, "
             f"{percent(self.forecast.time)} of time"
         )
@@ -165,12 +162,9 @@ def plan(
     return Plan(
         params=with_links(scene.params, one.n_bodies),
         initial=runs.start(one.n_bodies),
-        method=one.method,
-        rtol=one.rtol,
         budget=budget,
         spent=clock() - begun,
         forecast=best,
-        fixed=initial is not None,
         limited=pilot.best() != best,
     )
 

@@ -55,7 +55,7 @@ _BY_PLACE = {name: BEHIND if name == "mu" else _CENTRAL for name in LINK_FIELDS}
 
 def scipy_sparse() -> tuple[Any, Any]:
     """Return scipy.sparse and scipy.sparse.linalg."""
-    user = "modes and frequency responses"
+    user = "a mode or response"
     return scipy_module("sparse", user), scipy_module("sparse.linalg", user)
 
 
