@@ -141,7 +141,7 @@ def study(
         return dict(zip(inputs, found, strict=True))
 
     def refer(setting: Setting, _before: Array | None) -> Outcome:
-        return Outcome(status="finished", value=_as_lists(runs(setting).seen))
+        return Outcome(status="finished", value=attrs.asdict(runs(setting).seen))
 
     def climb(setting: Setting, before: Array | None) -> Outcome:
         """Run a setting, unless the looser one before it, of so much CPU time, took too long."""
@@ -160,7 +160,7 @@ def study(
     }
     wanted = {one: ["reference", attrs.astuple(one)] for pair in pairs.values() for one in pair}
     referred = collected("references", refer, wanted)
-    seen = {one: _from_lists(outcome.value) for one, outcome in referred.items()}
+    seen = {one: _observed(outcome.value) for one, outcome in referred.items()}
     first, second = ({n: seen[pair[k]] for n, pair in pairs.items()} for k in (0, 1))
     settings = {n: [Setting(n, m, r) for m in names for r in tolerances] for n in ladder}
     wanted = {
@@ -271,18 +271,7 @@ def _compared(
     }
 
 
-def _as_lists(seen: Observed) -> dict[str, Any]:
-    return attrs.asdict(
-        seen,
-        value_serializer=lambda _of, _field, value: (
-            value.tolist() if isinstance(value, np.ndarray) else value
-        ),
-    )
-
-
-def _from_lists(values: Mapping[str, Any]) -> Observed:
-    fields: dict[str, Any] = {
-        name: np.array(value, dtype=float) if isinstance(value, list) else value
-        for name, value in values.items()
-    }
-    return Observed(**fields)
+def _observed(values: Mapping[str, Any]) -> Observed:
+    """Return what :func:`attrs.asdict` took apart, arrays as lists from a store."""
+    arrays = {name: np.array(one, float) for name, one in values.items() if name != "scales"}
+    return Observed(**arrays, scales=values["scales"])

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import attrs
+import numpy as np
 
 from ..base.checks import close_to
 from ..base.naming import index_of
@@ -167,6 +168,11 @@ def assign(node: Any, changes: Sequence[tuple[Path, Any]]) -> Any:
             assign(part, [(path[1:], value) for path, value in changes if path[0] in (k, "*")])
             for k, part in enumerate(node)
         )
+    if isinstance(node, np.ndarray):  # of loads
+        copy = node.copy()
+        for path, value in changes:
+            copy[path[0]] = assign(copy[path[0]], [(path[1:], value)])
+        return copy
     touched = {path[0] for path, _ in changes}
     new = {
         field: assign(

@@ -314,13 +314,7 @@ def _reader(quantity: str | Read) -> Read:
         raise ValueError(f"a Result has no {path!r}{close_to(path, _QUANTITIES)}")
 
     def read(result: Result) -> Array:
-        group, _, field = path.partition(".")
-        values: Any = getattr(result, group)
-        if values is None:
-            raise ValueError(f"{quantity}: the run carries no energy ledger (options ledger=False)")
-        values = getattr(values, field) if field else values
-        if values is None:
-            raise ValueError(f"{quantity}: this drive has none")
+        values = result._history(path)
         if column is None:
             return np.asarray(values)
         if values.ndim < 2 or int(column) >= values.shape[1]:

@@ -217,10 +217,9 @@ class _Search:
             np.full((self._measured.size, len(parameters)), np.nan),
         )
         self._best_cost = np.inf
-        self._last = self.best = rig.try_all([np.ones(len(parameters))], keep=True)[0]
-        if self.best.error is not None:  # an error there is the user's
-            raise self.best.error
-        self._count(self.best)
+        self._last = self.best = Trial(u=np.empty(0), y=np.empty(0))
+        if (error := self._try(np.ones(len(parameters))).error) is not None:  # it is the user's
+            raise error
 
     def _size(self, name: str) -> float:
         size = float(np.sqrt(np.mean(self.rig.targets[name].values ** 2)))
@@ -366,15 +365,12 @@ class _Search:
         for one in (self._last, self.best):
             if np.array_equal(one.u, u):
                 return one
-        self._last = self.rig.try_all([u.copy()], keep=True)[0]
-        self._count(self._last)
-        return self._last
-
-    def _count(self, trial: Trial) -> None:
+        self._last = trial = self.rig.try_all([u.copy()], keep=True)[0]
         self._nfev += 1
         self._failed += trial.error is not None
         self._noted([trial])
         self._compare(trial)
+        return trial
 
     def _compare(self, trial: Trial) -> None:
         """Keep a trial if it is the best of this search."""

@@ -11,7 +11,7 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array, close_to, real
-from ..drive.parameters import assign, check_name, numbers, overlap, path_in, read, rule_of
+from ..drive.parameters import changed, check_name, numbers, overlap, read, rule_of
 from ..drive.params import Params
 
 
@@ -169,9 +169,7 @@ def place(params: Params, parameters: Sequence[Parameter], u: Array) -> Params:
     if not np.isfinite(values).all():
         raise ValueError("a parameter left the range of floats")
     pairs = list(zip(parameters, values, strict=True))
-    drive: Params = assign(
-        params, [(path_in(params, part.name), value) for part, value in pairs if part.set is None]
-    )
+    drive = changed(params, {part.name: value for part, value in pairs if part.set is None})
     for part, value in pairs:
         if part.set is not None:
             drive = part.set(drive, value)

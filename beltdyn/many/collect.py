@@ -23,9 +23,9 @@ Pools = Callable[[], AbstractContextManager[Pool]]
 
 
 def _to_kept(outcome: Outcome) -> Kept:
-    """Keep an outcome whose value is one that JSON holds."""
+    """Keep an outcome whose value is one that JSON holds, with lists in the place of arrays."""
     parts = [outcome.status, outcome.message, outcome.value, outcome.final.tolist()]
-    return Kept(json.dumps(parts))
+    return Kept(json.dumps(parts, default=np.ndarray.tolist))
 
 
 def _of_kept(kept: Kept) -> Outcome:

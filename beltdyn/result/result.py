@@ -411,6 +411,16 @@ class Result(Sampled):
         }
         return labelled.dataset(self.t, self._arrays(), self.params, attributes)
 
+    def _history(self, name: str) -> Any:
+        """Return an output over time by its dotted name; ValueError where there is none."""
+        group, _, field = name.rpartition(".")
+        held = getattr(self, group) if group else self
+        if held is None and group == "energy":
+            raise ValueError(f"{name}: the run carries no energy ledger (options ledger=False)")
+        if held is None:
+            raise ValueError(f"{name}: this drive has no {group}")
+        return getattr(held, field)
+
     def _histories(self) -> dict[str, NDArray[Any]]:
         """Return the arrays of all groups by their dotted names."""
         return {

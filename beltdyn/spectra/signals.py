@@ -47,7 +47,6 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
         TypeError, ValueError: There is no such output or column, or it holds NaN.
         AttributeError: The run was not asked for this output.
     """
-    group, _, name = output.partition(".") if isinstance(output, str) else ("", "", "")
     known = [one for names in array_names().values() for one in names if one not in _NONE]
     if output not in known:
         raise ValueError(
@@ -60,10 +59,7 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
     given = {key: value for key, value in where.items() if value is not None}
     if set(given) - {by}:
         raise TypeError(f"{output} is selected by {by}=, not by {', '.join(set(given) - {by})}=")
-    held = result if group == "span_tension" else getattr(result, group)
-    if held is None:
-        raise ValueError(f"{output}: this drive has no {group}")
-    values = np.asarray(getattr(held, name or output)[rows], dtype=float)
+    values = np.asarray(result._history(output)[rows], dtype=float)
     names = _columns(result, dimension)
     if values.ndim == 1:  # of the belt as a whole
         values = values[:, None]

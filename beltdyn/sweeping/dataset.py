@@ -108,9 +108,9 @@ def _column(values: Sequence[Any]) -> Any:
 
 def _apart(layout: Layout, numbers: Array, words: Sequence[Any]) -> Iterator[tuple[Quantity, Any]]:
     """Take rows apart: yield each quantity and its values (n, ...)."""
-    texts = np.array([list(row) for row in words], dtype=object).reshape(len(numbers), layout.words)
+    texts = np.array([list(row) for row in words], dtype=object)
     at = {False: 0, True: 0}
-    for one in layout.quantities:
+    for one in layout:
         begin, at[one.words] = at[one.words], at[one.words] + one.size
         values = (texts if one.words else numbers)[:, begin : at[one.words]]
         yield one, values.reshape(len(numbers), *one.shape)
@@ -127,7 +127,7 @@ class _Joined:
     def join(self, layout: Layout) -> str:
         """Add the quantities of a layout; if they do not fit, add none and return a message."""
         axes, quantities = dict(self.axes), dict(self.quantities)
-        for one in layout.quantities:
+        for one in layout:
             known = quantities.get(one.name)
             names = [axis.name for axis in one.axes]
             if one.name in self._taken or self._taken & set(names):

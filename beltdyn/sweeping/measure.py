@@ -5,7 +5,6 @@ from __future__ import annotations
 import numbers
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from operator import attrgetter
 from typing import Any
 
 import attrs
@@ -274,13 +273,13 @@ def _outputs(names: Sequence[str]) -> tuple[str, ...]:
 
 def _of_result(result: Result, name: str, last: float) -> Found:
     if name.startswith("stats."):
-        value = attrgetter(name)(result)
+        value = getattr(result.stats, name.removeprefix("stats."))
         number = np.nan if value is None else value
         return Quantity(name, (), "", name, isinstance(value, str)), number
     history, how = _split(name)
     row = _HISTORIES[history]
     unit, text = unit_in(row, result.params), row.text
-    values = np.asarray(attrgetter(history)(result))
+    values = np.asarray(result._history(history))
     axes = _axes(result, row.size)
     if how is None:
         time = Axis("time", tuple(map(float, result.t)), result.t.size, "s", "time")

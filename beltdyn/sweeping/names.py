@@ -20,7 +20,7 @@ from ..base.run_options import USUAL, Options
 from ..drive.parameters import Path, assign, fields, numbers, parse, read, rule_of, with_indices
 from ..drive.scene import Scene
 from ..loads.motions import CrankMotion, Motion, as_motions
-from ..loads.torques import PiecewiseLinear, Torque, TorqueSum
+from ..loads.torques import Torque, TorqueSum
 from ..many.content import Place, parts_of, speed_of
 
 #: Arguments of simulate that may differ between the runs of a sweep, with their defaults.
@@ -208,7 +208,7 @@ def _with_loads(scene: Scene, root: str, changes: list[tuple[Path, Any]]) -> Sce
             at = [int(path[0])] if len(path) > 1 else [*loads]
             loads |= {k: _scaled(loads[k], value, root) for k in at}
         elif path:
-            loads[int(path[0])] = _with(loads[int(path[0])], path[1:], value)
+            loads[int(path[0])] = assign(loads[int(path[0])], [(path[1:], value)])
     if root == "motion":
         return scene._replace(motion=loads)
     return scene._replace(torque_fn=loads[0] if len(loads) == 1 else TorqueSum([*loads.values()]))
@@ -230,20 +230,3 @@ def _scaled(load: Any, factor: object, root: str) -> Any:
     if not callable(load):
         raise ValueError("torque.scale: a compiled function cannot be multiplied by a number")
     return ScaledFunction(load, number)
-
-
-def _with(node: Any, path: Path, value: Any) -> Any:
-    """Return a copy with one value changed."""
-    if not path:
-        return value
-    step = path[0]
-    if isinstance(step, str):
-        inner = _with(getattr(node, step), path[1:], value)
-        if isinstance(node, PiecewiseLinear) and step == "values" and np.ndim(inner) == 2:
-            inner = inner[:, 0] if inner.shape[1] == 1 else inner
-        return attrs.evolve(node, **{step: inner})
-    if isinstance(node, np.ndarray):
-        copy = np.array(node)
-        copy[step] = _with(copy[step], path[1:], value)
-        return copy
-    return tuple(_with(one, path[1:], value) if k == step else one for k, one in enumerate(node))

@@ -51,30 +51,14 @@ class Quantity(NamedTuple):
         return math.prod(self.shape)
 
 
-@attrs.frozen
-class Layout:
-    """The quantities of a row, one after the other, numbers and texts each for themselves."""
-
-    quantities: tuple[Quantity, ...]
-
-    @property
-    def numbers(self) -> int:
-        """Number of numbers in a row."""
-        return sum(one.size for one in self.quantities if not one.words)
-
-    @property
-    def words(self) -> int:
-        """Number of texts in a row."""
-        return sum(one.size for one in self.quantities if one.words)
-
-
-NOTHING = Layout(())
+#: The quantities of a row, one after the other, numbers and texts each for themselves.
+Layout = tuple[Quantity, ...]
 
 
 class Measured(NamedTuple):
     """What is measured in a run."""
 
-    layout: Layout = NOTHING  # of the numbers and texts
+    layout: Layout = ()  # of the numbers and texts
     numbers: Array = np.zeros(0)
     words: tuple[str, ...] = ()
 
@@ -82,30 +66,24 @@ class Measured(NamedTuple):
 def to_kept(outcome: Outcome) -> Kept:
     """Return an outcome as a store keeps it."""
     row = outcome.value or Measured()
-    quantities = [
-        [one.name, [list(axis) for axis in one.axes], *one[2:]] for one in row.layout.quantities
-    ]
     return Kept(
         text=json.dumps([*(getattr(outcome, name) for name in _TEXTS), *row.words]),
         data=row.numbers.tobytes() + outcome.final.tobytes(),
-        common=json.dumps(quantities),
+        common=json.dumps(row.layout),
     )
 
 
 def of_kept(kept: Kept) -> Outcome:
     """Return what a store has kept."""
-    layout = Layout(
-        tuple(
-            Quantity(
-                name, tuple(Axis(of, tuple(labels), *more) for of, labels, *more in axes), *rest
-            )
-            for name, axes, *rest in json.loads(kept.common)
-        )
+    layout = tuple(
+        Quantity(name, tuple(Axis(of, tuple(labels), *more) for of, labels, *more in axes), *rest)
+        for name, axes, *rest in json.loads(kept.common)
     )
     texts, numbers = json.loads(kept.text), np.frombuffer(kept.data)
+    measured = sum(one.size for one in layout if not one.words)
     return Outcome(
-        value=Measured(layout, numbers[: layout.numbers], tuple(texts[len(_TEXTS) :])),
-        final=numbers[layout.numbers :],
+        value=Measured(layout, numbers[:measured], tuple(texts[len(_TEXTS) :])),
+        final=numbers[measured:],
         **dict(zip(_TEXTS, texts, strict=False)),
     )
 
@@ -141,5 +119,4 @@ def packed(found: Sequence[tuple[Quantity, Any]]) -> Measured:
             words += [str(one) for one in np.ravel(np.asarray(value, dtype=object))]
         else:
             parts.append(np.ravel(np.asarray(value, dtype=np.float64)))
-    layout = Layout(tuple(quantity for quantity, _ in found))
-    return Measured(layout, np.concatenate(parts), tuple(words))
+    return Measured(tuple(quantity for quantity, _ in found), np.concatenate(parts), tuple(words))

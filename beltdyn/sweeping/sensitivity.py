@@ -6,7 +6,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import attrs
 import numpy as np
@@ -15,11 +15,20 @@ from ..base.checks import Array, between, integer, one_of, shown
 from ..base.described import suggesting
 from ..base.optional import optional_module
 from ..base.tables import columns
-from .estimators import CONSTANT, Design, Indices, estimated
 from .sampling import METHODS
 
 #: Entries of a quantity that are printed.
 _SHOWN = 12
+#: Groups of runs below which the spread of resampled groups says little of the indices' errors.
+_LEAST_GROUPS = 16
+#: Harmonics of RBD-FAST that count as the parameter's (Tarantola, Gatelli and Mara 2006), and the
+#: runs for each. What noise adds to a variance of N runs is 2 harmonics / N of it; of the half of
+#: the runs that the confidence is estimated by, half of it at these.
+_HARMONICS, _RUNS_PER_HARMONIC = 10, 8
+#: A range of values below this part of the largest is rounding.
+_ROUNDING = 1e-12
+
+_FEW, _CONSTANT = "few", "constant"
 
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
@@ -183,7 +192,7 @@ def sensitivity(
     shape = values.shape[1:]
     flat = values.reshape(design.groups, design.size, math.prod(shape))
     inputs = np.stack([_by_run(dataset[name], design) for name in design.names], axis=1)
-    found = [estimated(design, flat[:, :, k], inputs, options) for k in range(flat.shape[2])]
+    found = [_estimated(design, flat[:, :, k], inputs, options) for k in range(flat.shape[2])]
     _check_enough(dataset, found, design, str(array.name))
     coords = {dim: array.coords[dim] for dim in own if dim in array.coords}
     labels = {"parameter": design.names, "other": design.names}
@@ -221,10 +230,70 @@ _WORDS = {one: f"{one} Sobol' index" for one in _ORDERS} | {
 }
 
 
+# --- the estimators, for one entry of the quantity ---------------------------------------------
+
+
+class _Design(NamedTuple):
+    """Data of the design of a sweep for its analysis."""
+
+    names: list[str]  # of the parameters (k,)
+    groups: int  # of runs, or runs
+    size: int  # runs of a group: k + 2 or 2 k + 2, of samples without groups 1
+    second_order: bool  # whether groups serve second indices
+
+    @property
+    def least(self) -> int:
+        """Smallest number of groups, or runs."""
+        return _LEAST_GROUPS if self.size > 1 else _HARMONICS * _RUNS_PER_HARMONIC
+
+    @property
+    def unit(self) -> str:
+        """Name of the unit left out where a run has no value."""
+        return "groups" if self.size > 1 else "runs"
+
+
+@attrs.frozen(eq=False)
+class _Indices:
+    """Of one quantity."""
+
+    arrays: dict[str, Array]  # "first", "first_conf", ...: (k,); "second", "second_conf": (k, k)
+    used: int  # groups, or runs, with a value throughout
+    reason: str  # why there are none: _FEW of these, _CONSTANT values, or ""
+
+
+def _estimated(design: _Design, values: Array, inputs: Array, options: dict[str, Any]) -> _Indices:
+    """Return the indices of values (groups, size) for parameters (groups, k) of single runs."""
+    of_groups, k = design.size > 1, len(design.names)
+    name = "sobol" if of_groups else "rbd_fast"
+    estimator = optional_module(f"SALib.analyze.{name}", "sensitivity", "sensitivity")
+    keys = {"first": "S1"} | ({"total": "ST"} if of_groups else {})
+    keys |= {"second": "S2"} if design.second_order else {}
+    keys |= {f"{name}_conf": f"{key}_conf" for name, key in keys.items()}
+    good = np.isfinite(values).all(axis=1)
+    kept = values[good]
+    # The variance is that of the first and the last of each group, the two independent runs.
+    independent = kept[:, [0, -1]]
+    reason = ""
+    if len(kept) < design.least:
+        reason = _FEW
+    elif np.ptp(independent) <= _ROUNDING * np.abs(independent).max():
+        reason = _CONSTANT
+    if reason:
+        nothing = {name: np.full((k, k) if "second" in name else k, np.nan) for name in keys}
+        return _Indices(nothing, len(kept), reason)
+    problem = {"num_vars": k, "names": design.names, "bounds": [[0.0, 1.0]] * k}
+    if of_groups:
+        order = {"calc_second_order": design.second_order}
+        found = estimator.analyze(problem, kept.ravel(), **order, **options)
+    else:
+        found = estimator.analyze(problem, inputs[good], kept[:, 0], M=_HARMONICS, **options)
+    return _Indices({name: np.asarray(found[key]) for name, key in keys.items()}, len(kept), "")
+
+
 # --- what is analysed ----------------------------------------------------------------------------
 
 
-def _design(dataset: Any) -> Design:
+def _design(dataset: Any) -> _Design:
     what = (
         "dataset must be a sweep of samples, bd.sweep(scene, over=bd.sample(...)): in a grid or a "
         "list parameters do not vary as they do in use"
@@ -251,7 +320,7 @@ def _design(dataset: Any) -> Design:
             f"dataset must have the runs of its design, numbers from 0 to {count - 1} along "
             f"'run', each once at most, got {shown(runs)}"
         )
-    return Design(names, n, size, second)
+    return _Design(names, n, size, second)
 
 
 def _quantity(dataset: Any, quantity: object) -> Any:
@@ -267,12 +336,12 @@ def _quantity(dataset: Any, quantity: object) -> Any:
     return dataset[one_of("quantity", quantity, known or ["(none)"])]
 
 
-def _by_run(array: Any, design: Design) -> Array:
+def _by_run(array: Any, design: _Design) -> Array:
     """Return the values by the number of the run (runs, ...), NaN where there is no such run."""
     return np.asarray(array.reindex(run=np.arange(design.groups * design.size)), dtype=np.float64)
 
 
-def _check_enough(dataset: Any, found: Sequence[Indices], design: Design, name: str) -> None:
+def _check_enough(dataset: Any, found: Sequence[_Indices], design: _Design, name: str) -> None:
     """Raise ValueError unless one entry of the quantity has runs enough."""
     most = max((one.used for one in found), default=0)
     if most < design.least:
@@ -292,7 +361,7 @@ def _failures(dataset: Any) -> str:
     return f" (runs: {', '.join(words)})" if words else ""
 
 
-def _notes(dataset: Any, found: Sequence[Indices], design: Design) -> tuple[str, ...]:
+def _notes(dataset: Any, found: Sequence[_Indices], design: _Design) -> tuple[str, ...]:
     notes = []
     used = [one.used for one in found]
     left = [design.groups - count for count in (max(used), min(used))]
@@ -302,8 +371,8 @@ def _notes(dataset: Any, found: Sequence[Indices], design: Design) -> tuple[str,
             f"left out for want of a number: {many} of {design.groups} {design.unit}"
             f"{_failures(dataset)}; the indices are those of the rest"
         )
-    constant = sum(one.reason == CONSTANT for one in found)
-    few = sum(one.reason not in ("", CONSTANT) for one in found)
+    constant = sum(one.reason == _CONSTANT for one in found)
+    few = sum(one.reason not in ("", _CONSTANT) for one in found)
     entries = "" if len(found) == 1 else " of {} of " + f"{len(found)} entries"
     if constant:
         notes.append(f"no indices{entries.format(constant)}: the quantity is constant")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -71,10 +71,9 @@ class Work:
 
     def _scene(self, values: Sequence[Any]) -> tuple[Scene, dict[str, Any]]:
         """Return the scene of a run; drives with the same numbers are the same object."""
-        drive = tuple(_hashable(values[k]) for k in self.of_drive)
         changes = dict(zip(self.names, values, strict=True))
         of_drive = {self.names[k]: changes.pop(self.names[k]) for k in self.of_drive}
-        params = self._drives.get(drive, of_drive)
+        params = self._drives.get(_key(of_drive), of_drive)
         scene, options = changed(self.scene._replace(params=params), self.options, changes)
         scene.check()
         return scene, options
@@ -93,16 +92,12 @@ class Work:
             return simulate(*scene, outputs=self.measure.outputs, **options)
 
 
-def _hashable(value: Any) -> Hashable:
-    """Return a hashable key for a value; it differs where values differ."""
+def _key(values: Mapping[str, Any]) -> Hashable:
+    """Return what tells drives apart by the values that are swept."""
     try:
-        hash(value)
-    except TypeError:
-        try:
-            return token(value)
-        except NoKeyError:
-            return object()  # nothing is equal to it
-    return (type(value), value)
+        return token(values)
+    except NoKeyError:
+        return object()  # nothing is equal to it
 
 
 def _where(error: BaseException) -> str:

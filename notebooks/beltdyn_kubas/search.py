@@ -209,21 +209,10 @@ def _value(params: bd.Params, name: str) -> float:
 
 
 def _with(params: bd.Params, values: Mapping[str, float]) -> bd.Params:
-    """Return a drive with values of :data:`UNKNOWNS`."""
-    changes: dict[str, dict[str, Any]] = {}
-    for name, value in values.items():
-        part, field = name.split(".")
-        changes.setdefault(part, {})[field] = value
-    inertia = changes.pop("pulleys[*]", {})
-    tensioning = changes.get("tensioning", {})
-    if "offset[1][0]" in tensioning:
-        first, second = params.tensioning.offset or ((0.0, 0.0), (0.0, 0.0))
-        tensioning["offset"] = (first, (tensioning.pop("offset[1][0]"), second[1]))
-    parts: dict[str, Any] = {
-        part: attrs.evolve(getattr(params, part), **fields) for part, fields in changes.items()
-    }
-    pulleys = [attrs.evolve(pulley, **inertia) for pulley in params.pulleys]
-    return attrs.evolve(params, pulleys=pulleys, **parts)
+    """Return a drive with values of :data:`UNKNOWNS`, that of an experiment with these changes."""
+    offset = params.tensioning.offset or ((0.0, 0.0), (0.0, 0.0))
+    laid = attrs.evolve(params, tensioning=attrs.evolve(params.tensioning, offset=offset))
+    return bd.Experiment(bd.scenes.kubas_case_1().torque_fn, 1.0, changes=values).drive(laid)
 
 
 def coordinate(free: bd.Free, start: float, value: float) -> float:
