@@ -333,7 +333,7 @@ def test_what_does_not_count_and_what_is_left_over_is_told() -> None:
     run, told = result(), report()
     touched = run.contact.pulley.copy()
     touched[100:130][touched[100:130] == 2] = -1  # nothing is on the idler
-    contact = type(run.contact)._holding({**run.contact.arrays(), "pulley": touched})
+    contact = attrs.evolve(run.contact, pulley=touched)
     bare = attrs.evolve(run, contact=contact)
     assert np.isnan(bare.span_tension).any(axis=1).sum() == 30
     (note,) = (one for one in bare.report(0.25).notes if "no link touches" in one)

@@ -160,7 +160,7 @@ def test_the_middle_of_a_span_is_halfway_along_its_tangent() -> None:
     """Of joints whose "forces" are their coordinates. The belt lies 1 mm from its line at most."""
     params = drive(40)
     rest, route = bd.settle(params), params.route
-    line = BeltHistory._holding({name: getattr(rest, name)[None] for name in ("x", "y", "phi")})
+    line = BeltHistory(**{name: getattr(rest, name)[None] for name in ("x", "y", "phi")})
     points = joint_points(params, line)
     found = [mid_span(params, line, points[..., axis])[0] for axis in (0, 1)]
     after = [*range(1, len(params.pulleys)), 0]

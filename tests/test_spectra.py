@@ -104,7 +104,7 @@ def thinned(result: bd.Result, step: int, **changed: Any) -> bd.Result:
         t=result.t[few],
         sampled_spans=result.span_tension[few],
         pulleys=attrs.evolve(result.pulleys, **{**pulleys, **changed}),
-        belt=type(result.belt)._holding(belt),
+        belt=type(result.belt)(**belt),
     )
 
 

@@ -17,7 +17,7 @@ class Table(NamedTuple):
     title: str
     heading: tuple[str, ...]
     rows: Sequence[tuple[str, ...]]
-    remarks: tuple[str, ...] = ()
+    remarks: Sequence[str] = ()
 
     def lines(self, width: int) -> list[str]:
         """Return its lines, broken into tables that are no wider than this."""
@@ -26,9 +26,17 @@ class Table(NamedTuple):
             found += columns(whole)
         return found + [line for one in self.remarks for line in wrapped(one, width)]
 
-    def html(self) -> list[str]:
-        """Return it and its remarks as HTML."""
-        return [table_of(self.heading, self.rows, self.title), *paragraphs(self.remarks)]
+    def html(self) -> str:
+        """Return it and its remarks as HTML; an empty heading is left out."""
+
+        def row(tag: str, cells: Iterable[str]) -> str:
+            return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
+        head = f"<thead>{row('th', self.heading)}</thead>" if self.heading else ""
+        title = f"<caption>{escape(self.title)}</caption>" if self.title else ""
+        body = "".join(row("td", cells) for cells in self.rows)
+        table = f"<table>{title}{head}<tbody>{body}</tbody></table>"
+        return "\n".join([table, *map(_paragraph, self.remarks)])
 
 
 def wrapped(text: str, width: int) -> list[str]:
@@ -97,18 +105,10 @@ def framed(
     Console().print(table)
 
 
-def table_of(heading: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> str:
-    """Return a table; an empty heading is left out."""
-
-    def row(tag: str, cells: Iterable[str]) -> str:
-        return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
-
-    head = f"<thead>{row('th', heading)}</thead>" if heading else ""
-    title = f"<caption>{escape(caption)}</caption>" if caption else ""
-    body = "".join(row("td", cells) for cells in rows)
-    return f"<table>{title}{head}<tbody>{body}</tbody></table>"
+def html(parts: Iterable[str | Table]) -> str:
+    """Return tables, and texts as paragraphs, as HTML."""
+    return "\n".join(one.html() if isinstance(one, Table) else _paragraph(one) for one in parts)
 
 
-def paragraphs(texts: Iterable[str]) -> list[str]:
-    """Return each text as a paragraph."""
-    return [f"<p>{escape(one.strip())}</p>" for one in texts]
+def _paragraph(text: str) -> str:
+    return f"<p>{escape(text.strip())}</p>"

@@ -82,8 +82,10 @@ class Params(Drive):
         )
 
     def _repr_html_(self) -> str:
-        head, *remarks = tables.paragraphs(self._remarks())
-        return "\n".join([head, tables.table_of(("", "value", "meaning"), self._rows()), *remarks])
+        head, *remarks = self._remarks()
+        return tables.html(
+            [head, tables.Table("", ("", "value", "meaning"), self._rows(), remarks)]
+        )
 
     def _rows(self) -> list[tuple[str, str, str]]:
         """Name, quantity and meaning of every number of the drive."""

@@ -52,7 +52,7 @@ class _Run:
 def _rows(result: Result, rows: Any) -> Result:
     """Return a result at some of its samples."""
     groups = {
-        name: attrs.evolve(group, **{k: values[rows] for k, values in group.arrays().items()})
+        name: type(group)(**vars(group) | {k: x[rows] for k, x in group.arrays().items()})
         for name in GROUPS
         if (group := getattr(result, name)) is not None
     }

@@ -200,7 +200,7 @@ class Accuracy:
 
     def _repr_html_(self) -> str:
         heading, *rows = self.table()
-        return "\n".join(tables.Table("", heading, rows, tuple(self.remarks())).html())
+        return tables.Table("", heading, rows, tuple(self.remarks())).html()
 
     def __str__(self) -> str:
         lines = tables.columns(self.table(), indent="")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import attrs
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,8 @@ from ..base.checks import Array
 from ..drive.friction import TINY, Friction
 from ..drive.params import Params
 from .averages import durations
-from .histories import BeltHistory, ContactHistory
+from .histories import BeltHistory
+from .sampled import Sampled
 from .spans import ALL, joint_points
 
 #: Share of the friction in full slip from which on a link counts as slipping. Laws with a state
@@ -102,7 +105,7 @@ def full_friction(params: Params, touched: NDArray[np.int32], velocity: Array | 
     return np.asarray(full)
 
 
-def contact_points(params: Params, belt: BeltHistory, rows: slice) -> Array:
+def contact_points(params: Params, belt: BeltHistory, rows: Any) -> Array:
     """Return the points at which contact is reported (n_t, n_b, 2) [m].
 
     The joints on the left of the links where contact acts along these, else their centres, or the
@@ -130,10 +133,9 @@ def turns(begin: Array, end: Array) -> Array:
     return np.asarray(np.arctan2(cross, (begin * end).sum(axis=-1)))
 
 
-def arcs_of(
-    params: Params, belt: BeltHistory, contact: ContactHistory, centers: Array, rows: slice = ALL
-) -> Arcs:
+def arcs_of(run: Sampled, centers: Array, rows: slice = ALL) -> Arcs:
     """Find the arcs at every sample of ``rows``, with the axes there, or one place of them."""
+    params, belt, contact = run.params, run.belt, run.contact
     first, last, _ = rows.indices(len(contact.pulley))
     n_t, n_b, n_p = last - first, contact.pulley.shape[1], len(params.pulleys)
     wrap, slip, returning = (np.zeros((n_t, n_p)) for _ in range(3))
@@ -219,27 +221,25 @@ class GrossSlip:
     lost: Array  # energy dissipated by it [J]
 
 
-def gross_slip(
-    params: Params,
-    t: Array,
-    pulley: NDArray[np.int32],
-    normal: Array,
-    friction: Array,
-    velocity: Array,
-) -> GrossSlip | None:
-    """Find where pulleys slip over their whole wrap; None if none does."""
+def gross_slip(run: Sampled, rows: slice = ALL) -> GrossSlip | None:
+    """Find where pulleys slip over their whole wrap, in samples of a run; None if none does."""
+    params, contact, t = run.params, run.contact, run.t[rows]
+    pulley, friction, velocity = (
+        getattr(contact, name)[rows] for name in ("pulley", "friction", "velocity")
+    )
     _, developed = params._slip_limits
     n_t, n_p = t.size, len(params.pulleys)
     carried = np.abs(per_pulley(friction, pulley, n_p))
-    most = per_pulley(full_friction(params, pulley, velocity) * normal, pulley, n_p)
+    full = full_friction(params, pulley, velocity)
+    most = per_pulley(full * contact.normal[rows], pulley, n_p)
     saturated = (carried >= FULL_SLIP * most) & (
         most > NEGLIGIBLE_FRICTION * params.info["strain_tension"]
     )
-    rows = np.flatnonzero(saturated.any(axis=1))
-    if rows.size == 0:
+    some = np.flatnonzero(saturated.any(axis=1))
+    if some.size == 0:
         return None
     lost = np.zeros((n_t, n_p))
-    lost[rows] = per_pulley(friction[rows] * velocity[rows], pulley[rows], n_p)
+    lost[some] = per_pulley(friction[some] * velocity[some], pulley[some], n_p)
     speed = np.divide(lost, carried, out=np.zeros_like(lost), where=saturated & (carried > 0.0))
     # A wrap whose friction is fully developed from tensioning alone does not slip.
     slips = speed > 0.01 * speed.max(axis=0)

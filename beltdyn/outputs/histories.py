@@ -7,9 +7,9 @@ here, or a field without a row, is an error.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
-from typing import Any, NoReturn, Self, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import attrs
 import numpy as np
@@ -37,48 +37,28 @@ class Group:
     AttributeError that says so.
     """
 
-    __slots__ = ()
-
-    @classmethod
-    def _holding(cls, found: Mapping[str, Any]) -> Self:
-        """Make a group of these arrays alone; the others were not asked for."""
-        fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
-        later = {field.name for field in fields if not field.init}
-        first = {name: found[name] for name in found if name not in later}
-        own = [name for name in cls.array_names() if name not in later]
-        group = cls(**{**dict.fromkeys(own), **first})
-        for name in set(own) - set(found):
-            object.__delattr__(group, name)
-        for name in later & set(found):
-            object.__setattr__(group, name, found[name])
-        return group
+    def __init__(self, **arrays: Any) -> None:
+        vars(self).update(arrays)
 
     def __getattr__(self, name: str) -> NoReturn:
         kind = type(self)
         if name not in kind.array_names() and not isinstance(getattr(kind, name, None), property):
             raise AttributeError(f"{kind.__name__!r} object has no attribute {name!r}")
         group = next(group for group, one in GROUPS.items() if one is kind)
-        needed = group if group == "energy" else f"{group}.{name}"
+        needed = group if group == LEDGER else f"{group}.{name}"
         raise AttributeError(
             f"{group}.{name} was not asked for: run simulate with outputs=(..., {needed!r}), or "
             f"without outputs for all that its belt has{absent(needed, '; ')}"
         )
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        names = [field.name for field in attrs.fields(type(self))]  # type: ignore[arg-type]
-        found = {name: getattr(self, name) for name in names if hasattr(self, name)}
-        return type(self)._holding, (found,)
-
     @classmethod
-    @functools.cache
     def array_names(cls) -> tuple[str, ...]:
         """Return the names of the arrays."""
-        fields: Any = attrs.fields(cls)  # type: ignore[arg-type]
-        return tuple(field.name for field in fields if field.metadata.get("array", True))
+        return tuple(name for name in cls.__annotations__ if name != "names")
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the arrays by name; not those that the drive does not have, or not asked for."""
-        arrays = {name: getattr(self, name, None) for name in self.array_names()}
+        arrays = {name: vars(self).get(name) for name in self.array_names()}
         return {name: array for name, array in arrays.items() if array is not None}
 
     def __repr__(self) -> str:
@@ -110,7 +90,7 @@ def absent(output: str, before: str = "") -> str:
 
 
 @_group("pulleys")
-@attrs.frozen(eq=False, repr=False)
+@attrs.frozen(init=False, eq=False, repr=False, slots=False)
 class PulleyHistory(Group):
     """Pulleys over time, each (n_t, n_p), ``load`` (n_t, n_p, 2); their names (n_p,).
 
@@ -125,11 +105,11 @@ class PulleyHistory(Group):
     omega: Array
     torque: Array
     load: Array
-    names: tuple[str, ...] = attrs.field(default=(), metadata={"array": False})
+    names: tuple[str, ...]
 
 
 @_group("belt")
-@attrs.frozen(eq=False, repr=False)
+@attrs.frozen(init=False, eq=False, repr=False, slots=False)
 class BeltHistory(Group):
     """Links over time, the coordinates of (2.1), each (n_t, n_b).
 
@@ -146,13 +126,13 @@ class BeltHistory(Group):
     vx: Array
     vy: Array
     vphi: Array
-    # not of links, whose histories attrs.evolve takes without
+    # which attrs.evolve takes links without
     flow: Array = attrs.field(init=False)
     passed: Array = attrs.field(init=False)
 
 
 @_group("joints")
-@attrs.frozen(eq=False, repr=False)
+@attrs.frozen(init=False, eq=False, repr=False, slots=False)
 class JointHistory(Group):
     """Joints (2.2) over time, each (n_t, n_b); joint i is on the left of link i."""
 
@@ -161,7 +141,7 @@ class JointHistory(Group):
 
 
 @_group("contact")
-@attrs.frozen(eq=False, repr=False)
+@attrs.frozen(init=False, eq=False, repr=False, slots=False)
 class ContactHistory(Group):
     """Contact of the links over time, (2.3)-(2.10), each (n_t, n_b).
 
@@ -178,7 +158,7 @@ class ContactHistory(Group):
 
 
 @_group("spans")
-@attrs.frozen(eq=False, repr=False)
+@attrs.frozen(init=False, eq=False, repr=False, slots=False)
 class SpanHistory(Group):
     """Spans over time, of an ALE belt, which vibrates in them by sine modes.
 
@@ -190,7 +170,7 @@ class SpanHistory(Group):
 
 
 @_group("mounts")
-@attrs.frozen(eq=False, repr=False)
+@attrs.frozen(init=False, eq=False, repr=False, slots=False)
 class MountHistory(Group):
     """Mounts over time, each (n_t, n_m), in the order of ``params.mounted``.
 
@@ -209,7 +189,7 @@ class MountHistory(Group):
 
 
 @_group("couplings")
-@attrs.frozen(eq=False, repr=False)
+@attrs.frozen(init=False, eq=False, repr=False, slots=False)
 class CouplingHistory(Group):
     """Couplings over time, each (n_t, n_c), in the order of ``params.coupled``.
 
@@ -224,7 +204,7 @@ class CouplingHistory(Group):
 
 
 @_group("energy")
-@attrs.frozen(eq=False, repr=False)
+@attrs.frozen(init=False, eq=False, repr=False, slots=False)
 class EnergyLedger(Group):
     """Stored energies, work and losses over time, each (n_t,) [J]; MODEL section 7.
 
@@ -245,12 +225,15 @@ class EnergyLedger(Group):
     friction_loss: Array
     residual: Array
     passed: Array
-    drag_loss: Array | None = None
-    mount: Array | None = None
-    mount_loss: Array | None = None
-    path_work: Array | None = None
-    coupling: Array | None = None
-    coupling_loss: Array | None = None
+    drag_loss: Array | None
+    mount: Array | None
+    mount_loss: Array | None
+    path_work: Array | None
+    coupling: Array | None
+    coupling_loss: Array | None
+
+    def __init__(self, **terms: Any) -> None:  # of a run that was not asked for it there are none
+        super().__init__(**dict.fromkeys(self.array_names() if terms else ()) | terms)
 
     @property
     def total(self) -> Array:
@@ -268,17 +251,15 @@ class EnergyLedger(Group):
         return functools.reduce(np.add, [term for term in terms if term is not None])
 
     @classmethod
-    def _from_core(
-        cls, t: Array, terms: Sequence[str], columns: Array, power: Array
-    ) -> EnergyLedger:
+    def _from_core(cls, t: Array, params: Any, columns: Array, power: Array) -> EnergyLedger:
         """``power``: of the set torques, per pulley (n_t, n_p) [W]."""
-        named = {name: columns[:, k] for k, name in enumerate(terms)}
-        ledger = cls(**named, passed=np.zeros_like(t))
+        named = dict(zip(params._model.energy_terms, columns.T, strict=True))
+        ledger = cls(**named)
         fed_in = integral(t, np.maximum(power, 0.0).sum(axis=1))
         with np.errstate(invalid="ignore"):  # a failed run may hold infinite energies
             gained = np.abs(ledger.total - ledger.total[:1])
         scale = np.max([fed_in, np.abs(ledger.drive), ledger.losses, gained], axis=0)
-        return attrs.evolve(ledger, passed=np.maximum.accumulate(scale))
+        return cls(**named, passed=np.maximum.accumulate(scale))
 
 
 #: What Python counts and tells of a run besides the core.
@@ -365,7 +346,8 @@ def absent_groups(params: Any) -> set[str]:
 
 def shape_of(size: str, params: Any) -> tuple[int, ...]:
     """Return the shape of a history of this size, at one sample."""
-    count, n_p = params._model.sizes[size], len(params.pulleys)
+    n_p = len(params.pulleys)
+    count = params._model.sizes.get(size, n_p)  # spans, which the core does not count
     if size == "FLOW":
         return ()
     if size == "MODES":
@@ -381,36 +363,53 @@ def _passed(t: Array, flow: Array, theta: Array | None, omega: Array) -> Array:
     return gone if theta is None else gone + ratio * (theta - theta[:1])
 
 
+def kept(names: Collection[str] | None, params: Any) -> dict[str, tuple[int, ...]]:
+    """Return which arrays a run has that was asked for these, None: all, and shapes at a sample."""
+    lacks, terms = params._belt_facts["lacks"], {*params._model.energy_terms, "passed"}
+    found = {}
+    for name, row in QUANTITIES.items():
+        asked = bool(row.group) if names is None else (name in names or row.group in names)
+        has = row.size not in lacks and params._having.get(row.size) != ()
+        if asked and (row.field in terms if row.group == LEDGER else has):
+            found[name] = () if row.group == LEDGER else shape_of(row.size, params)
+    return found
+
+
+def grouped(
+    arrays: Mapping[str, NDArray[Any]], names: Collection[str] | None, params: Any
+) -> dict[str, Any]:
+    """Put arrays, by dotted names, into groups; None of those that drive or run do not have."""
+    found: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
+    for name, values in arrays.items():
+        group, _, field = name.partition(".")
+        found[group][field] = values
+    none = absent_groups(params)
+    if names is None and not found[LEDGER]:
+        none.add(LEDGER)
+    return {name: None if name in none else GROUPS[name](**own) for name, own in found.items()}
+
+
 def histories(
     t: Array,
     arrays: Mapping[str, NDArray[Any]],
-    energy_terms: Sequence[str],
     params: Any,
     names: Collection[str] | None = None,
 ) -> dict[str, Any]:
     """Return the groups by name, with what was asked for of what the core has sampled."""
-    left_out, lacks = absent_groups(params), params._belt_facts["lacks"]
-    columns: dict[str, dict[str, Any]] = {group: {} for group, *_ in ROWS}
     if "flow" in arrays:
         theta = arrays["theta"][:, 0] if "theta" in arrays else None
         with np.errstate(all="ignore"):  # a failed run may end with huge numbers
             passed = _passed(t, arrays["flow"].reshape(t.size), theta, arrays["omega"][:, 0])
         arrays = {**arrays, "passed": passed}
-    for group, name, size in ROWS:
-        asked = names is None or f"{group}.{name}" in names
-        if not asked or group in left_out or size in lacks:
-            continue
-        shape = (t.size, *shape_of(size, params))
-        if size in ("FRICTION", "SLIPS") and name not in arrays:
-            columns[group][name] = np.broadcast_to(0.0, shape)
-        else:
-            columns[group][name] = np.reshape(arrays[name], shape)
-    groups: dict[str, Any] = {
-        group: None if group in left_out else GROUPS[group]._holding(found)
-        for group, found in columns.items()
-    }
-    groups["energy"] = None if names is None else EnergyLedger._holding({})
-    if "energy" in arrays and (names is None or "energy" in names):
+    found = {}
+    for name, shape in kept(names, params).items():
+        row = QUANTITIES[name]
+        if row.size in ("FRICTION", "SLIPS") and row.field not in arrays:
+            found[name] = np.broadcast_to(0.0, (t.size, *shape))
+        elif row.group not in ("", LEDGER):
+            found[name] = np.reshape(arrays[row.field], (t.size, *shape))
+    groups = grouped(found, names, params)
+    if LEDGER in arrays and (names is None or LEDGER in names):
         power = arrays["torque"] * arrays["omega"]
-        groups["energy"] = EnergyLedger._from_core(t, energy_terms, arrays["energy"], power)
+        groups[LEDGER] = EnergyLedger._from_core(t, params, arrays[LEDGER], power)
     return groups

@@ -6,6 +6,9 @@ in the sense in which the links are numbered.
 
 from __future__ import annotations
 
+from itertools import cycle
+from typing import Any
+
 import attrs
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +19,8 @@ from ..drive.params import Params
 from ..drive.route import Route, route_at
 from ..drive.span import Span
 from .arcs import contact_points, turns
-from .histories import BeltHistory
-from .spans import joint_points
+from .sampled import Sampled
+from .spans import ALL, joint_points
 
 #: Numbers of a block of samples, links times parts of the line: 16 MB to an array.
 _BLOCK = 2_000_000
@@ -52,11 +55,20 @@ class AlongBelt:
         return f"AlongBelt({self.name}: {self.values.shape}, line of {self.length:.6g} m)"
 
 
+def axes_at(params: Params, travel: Array | None) -> Array:
+    """Return the axes (n, n_p, 2) [m] at every travel (n, n_m) of mounts; None: one place of each.
+
+    Of mounts without travels it is where these rest.
+    """
+    travels = [None] if travel is None else travel
+    return np.array([params.centers(row) for row in travels])
+
+
 def routes(params: Params, travel: Array | None) -> tuple[list[Route], Array]:
-    """Return belt line and axes (n, n_p, 2) at every travel (n_t, n_m) of mounts; None: one."""
+    """Return belt line and axes, as :func:`axes_at`, at every travel of mounts; None: one."""
+    centers = axes_at(params, travel)
     if travel is None:
-        return [params.route], params.centers()[None]
-    centers = np.array([params.centers(row) for row in travel])
+        return [params.route], centers
     return [route_at(params.pulleys, one) for one in centers], centers
 
 
@@ -124,56 +136,54 @@ def _turned(vectors: Array, angle: Array) -> Array:
     return np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
-def along(
-    params: Params,
-    belt: BeltHistory,
-    t: Array,
-    travel: Array | None,
-    name: str,
-    values: Array,
-    places: Array | None,
-) -> AlongBelt:
-    """Interpolate a history of joints or links in places; see :meth:`beltdyn.Result.along_belt`."""
-    n_b, radii = params.n_bodies, params._radii
-    edges = line_edges(params.route, radii)
-    s = (np.arange(n_b) + 0.5) * (edges[-1] / n_b) if places is None else places
-    lines, centers = routes(params, travel)
-    found = np.empty((t.size, s.size))
-    size = max(1, _BLOCK // (2 * radii.size * n_b))
-    for begin in range(0, t.size, size):
-        rows = slice(begin, begin + size)
-        each = slice(None) if len(lines) == 1 else rows
-        if name.startswith("contact."):
-            points = contact_points(params, belt, rows)
-        elif name.startswith("joints."):
-            points = joint_points(params, belt, rows)
-        else:
-            points = np.stack([belt.x[rows], belt.y[rows]], axis=-1)
-        at = where(params, points, lines[each], centers[each])
-        for k in range(len(at)):
-            now = lines[0 if len(lines) == 1 else begin + k]
-            # where axes have moved, at the same share of its part
-            asked = s if now is params.route else np.interp(s, edges, line_edges(now, radii))
-            found[begin + k] = np.interp(asked, at[k], values[begin + k], period=now.length)
-    return _told(params, name, t, s, found)
-
-
-def _told(params: Params, name: str, t: Array, s: Array, values: Array) -> AlongBelt:
-    """Return the history with the names of the parts of the line."""
-    names, radii, line = params.pulley_names, params._radii, params.route
+def along(run: Sampled, name: str, places: Array | None, rows: Any = ALL) -> AlongBelt:
+    """Return a history in places, at some samples; see :meth:`beltdyn.Result.along_belt`."""
+    params, line, (group, _, field) = run.params, run.params.route, name.partition(".")
+    values = getattr(getattr(run, group), field)[rows]
+    edges = line_edges(line, params._radii)
+    if params._belt_facts["flows"]:
+        s, found = _of_cells(params, name, values, places)
+    else:
+        s = (np.arange(params.n_bodies) + 0.5) * (edges[-1] / params.n_bodies)
+        s = s if places is None else places
+        found = _of_links(run, name, values, s, np.arange(run.t.size)[rows])
+    names = params.pulley_names
     pairs = zip(span_names(names), (*names[1:], names[0]), strict=True)
     texts = np.array([text for pair in pairs for text in pair])
     # the end of the line is the end of its last part
-    begun = np.searchsorted(line_edges(line, radii)[1:-1], s, side="right")
+    part = texts[np.searchsorted(edges[1:-1], s, side="right")]
     return AlongBelt(
         name=name,
-        t=t,
+        t=run.t[rows],
         s=s,
-        values=values,
-        part=texts[begun],
-        wraps=line_parts(line, radii),
+        values=found,
+        part=part,
+        wraps=line_parts(line, params._radii),
         length=line.length,
     )
+
+
+def _of_links(run: Sampled, name: str, values: Array, s: Array, rows: NDArray[np.intp]) -> Array:
+    """Interpolate a history of joints or links, at these samples of a run."""
+    params, belt, travel = run.params, run.belt, run.travel
+    radii, found = params._radii, np.empty((rows.size, s.size))
+    edges = line_edges(params.route, radii)
+    size = max(1, _BLOCK // (2 * radii.size * params.n_bodies))
+    for begin in range(0, rows.size, size):
+        block = rows[begin : begin + size]
+        if name.startswith("contact."):
+            points = contact_points(params, belt, block)
+        elif name.startswith("joints."):
+            points = joint_points(params, belt, block)
+        else:
+            points = np.stack([belt.x[block], belt.y[block]], axis=-1)
+        lines, centers = routes(params, None if travel is None else travel[block])
+        at = where(params, points, lines, centers)
+        for k, (place, now) in enumerate(zip(at, cycle(lines), strict=False), begin):
+            # where axes have moved, at the same share of its part
+            asked = s if now is params.route else np.interp(s, edges, line_edges(now, radii))
+            found[k] = np.interp(asked, place, values[k], period=now.length)
+    return found
 
 
 def cell_places(params: Params) -> Array:
@@ -184,10 +194,10 @@ def cell_places(params: Params) -> Array:
     return np.interp(np.arange(cells.size + 1), np.append(first, cells.size), edges)
 
 
-def along_cells(
-    params: Params, t: Array, name: str, values: Array, places: Array | None
-) -> AlongBelt:
-    """Return a history of cells in places, linear between their middles and constant in spans."""
+def _of_cells(
+    params: Params, name: str, values: Array, places: Array | None
+) -> tuple[Array, Array]:
+    """Return places and a history there, linear between middles of cells, constant in spans."""
     edges = cell_places(params)
     middles = 0.5 * (edges[1:] + edges[:-1])
     s = middles if places is None else places
@@ -200,7 +210,7 @@ def along_cells(
         order = np.argsort(at, kind="stable")
         at, columns = at[order], columns[order]
     found = np.array([np.interp(s, at, row[columns], period=edges[-1]) for row in values])
-    return _told(params, name, t, s, found.reshape(t.size, s.size))
+    return s, found.reshape(len(values), s.size)
 
 
 def follow(
@@ -218,25 +228,21 @@ def follow(
     return found, 1.0 - (ends[rows, found] - share * length) / held[rows, found]
 
 
-def flow_of(params: Params, belt: BeltHistory, force: Array) -> Array:
-    """Return the stress-free length of belt that passes in a second (n_t,) [m/s]."""
-    if params._belt_facts["flows"]:
-        return belt.flow
-    speed = (belt.vx * np.cos(belt.phi) + belt.vy * np.sin(belt.phi)).mean(axis=1)
-    return np.asarray(speed / Span(params.belt, force.mean(axis=1)).stretch)
-
-
-def momentum_flux(
-    params: Params, flow: Array, force: Array, spans: Array, travel: Array | None
-) -> Array:
+def momentum_flux(run: Sampled) -> Array:
     """Return the part of the hub loads that turns the belt's momentum (n_t, n_p, 2) [N].
 
     ``m c (v_1 d_1 + v_2 d_2)`` with the flow c, the stress-free length that passes in a second, and
     the speeds v = c (1 + T / EA) of the spans beside a pulley, whose directions away from it are d.
     """
-    tension = np.where(np.isnan(spans), force.mean(axis=1)[:, None], spans)
+    params, belt, mean = run.params, run.belt, run.joints.force.mean(axis=1)
+    if params._belt_facts["flows"]:
+        flow = belt.flow
+    else:
+        speed = (belt.vx * np.cos(belt.phi) + belt.vy * np.sin(belt.phi)).mean(axis=1)
+        flow = speed / Span(params.belt, mean).stretch
+    tension = np.where(np.isnan(run.span_tension), mean[:, None], run.span_tension)
     pull = Span(params.belt, tension, flow[:, None]).centrifugal
-    return force_on_pulleys(routes(params, travel)[0], pull)
+    return force_on_pulleys(routes(params, run.travel)[0], pull)
 
 
 def force_on_pulleys(lines: list[Route], pull: Array) -> Array:

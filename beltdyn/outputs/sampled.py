@@ -63,8 +63,8 @@ class Sampled:
     _sampled_spans: Array | None = None
 
     def __attrs_post_init__(self) -> None:
-        pulleys = {**self.pulleys.arrays(), "names": self.params.pulley_names}
-        object.__setattr__(self, "pulleys", PulleyHistory._holding(pulleys))
+        pulleys = PulleyHistory(**self.pulleys.arrays(), names=self.params.pulley_names)
+        object.__setattr__(self, "pulleys", pulleys)
 
     @accuracy.default
     def _known(self) -> Accuracy:
@@ -103,6 +103,11 @@ class Sampled:
     @cached_property
     def _lacking(self) -> frozenset[str]:
         return lacking(self.params)
+
+    @property
+    def travel(self) -> Array | None:
+        """Travels of the mounts (n_t, n_m) [rad or m]; None in a drive without."""
+        return None if self.mounts is None else self.mounts.travel
 
     def _rims(self) -> Array | None:
         """Angular velocities of the rims under the belt (n_t, n_p) [rad/s]; None: not kept."""

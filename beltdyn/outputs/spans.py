@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,7 +28,7 @@ def has_angles(params: Params) -> bool:
     return "phi" in params._belt_facts["fields"]
 
 
-def joint_points(params: Params, belt: BeltHistory, rows: slice = ALL) -> Array:
+def joint_points(params: Params, belt: BeltHistory, rows: Any = ALL) -> Array:
     """Return where the joints are, each on the left of its link (n_t, n_b, 2) [m].
 
     Between the right end of link i - 1 and the left end of link i; of point masses the middle of

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..base.checks import integer
+from ..outputs.places import along
 from ..outputs.quantity import QUANTITIES
 from ..result.result import Result
 from . import style
@@ -113,7 +114,7 @@ def tension_along(
     rows = [sample(result, one) for one in times]
     n_s = _PER_LINK * result.params.n_bodies
     places = np.linspace(0.0, result.params.route.length, n_s + 1)
-    found = result._along("joints.force", places, rows)
+    found = along(result, "joints.force", places, rows)
     ax = style.axes(ax)
     first = not ax.lines
     curves = [

@@ -6,8 +6,9 @@ import math
 import textwrap
 from collections.abc import Iterator
 
+from ..base import tables
 from ..base.rounding import rounded
-from ..base.tables import Table, columns, paragraphs
+from ..base.tables import Table, columns
 from . import digits, text
 from .columns import Layout, made
 from .digits import NONE, number, or_nan, within
@@ -42,13 +43,8 @@ def lines(report: ReportData) -> list[str]:
 
 def html(report: ReportData) -> str:
     """Return the first screen as HTML, with the full report in a section that opens."""
-    parts = [
-        *paragraphs(opening(report)),
-        *(one for table in _tables(report) for one in table.html()),
-        *paragraphs(_closing(report)),
-        f"<details><summary>All of it</summary>{text.html(report)}</details>",
-    ]
-    return "\n".join(parts)
+    first = tables.html([*opening(report), *_tables(report), *_closing(report)])
+    return f"{first}\n<details><summary>All of it</summary>{text.html(report)}</details>"
 
 
 def _wrapped(told: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import attrs
@@ -39,6 +40,14 @@ _ENDS = {
     "Spread | None": ("", " least", " most"),
     "tuple[float, float] | None": (" tight", " slack"),
 }
+#: What follows from the fields of a part.
+DERIVED: dict[str, dict[str, Callable[[Any], Any]]] = {
+    "report": {
+        "first_to_slip": lambda report: report.first_to_slip and report.first_to_slip.name,
+        "steady": lambda report: not report.unsteady,
+    },
+    "creep": {"slower": lambda row: row.slower},
+}
 
 
 def _fields(part: str) -> dict[str, tuple[str, ...]]:
@@ -53,9 +62,8 @@ def _fields(part: str) -> dict[str, tuple[str, ...]]:
 
 def quantities(part: str) -> list[str]:
     """List the quantities that :func:`numbers` may have of a part."""
-    further = {"report": ["first_to_slip", "steady"], "creep": ["slower"]}
     found = [f"{name}{end}" for name, ends in _fields(part).items() for end in ends]
-    return found + further.get(part, [])
+    return [*found, *DERIVED.get(part, ())]
 
 
 def numbers(report: ReportData) -> list[Number]:
@@ -64,39 +72,38 @@ def numbers(report: ReportData) -> list[Number]:
     Of the run itself as part "report": its window, driver and belt speed, whether it is steady, the
     notes and warnings. A text has the value NaN; yes and no are 1 and 0, with the text.
     """
-    found = []
-
-    def add(part: str, name: str, quantity: str, value: Any, unit: str = "") -> None:
-        if isinstance(value, bool):
-            found.append(Number(part, name, quantity, "1", float(value), "yes" if value else "no"))
-        elif isinstance(value, str):
-            found.append(Number(part, name, quantity, "", math.nan, value))
-        elif value is not None:
-            found.append(Number(part, name, quantity, unit, float(value), None))
-
-    def add_fields(part: str, name: str, row: Any) -> None:
-        for field, ends in _fields(part).items():
-            value, unit = getattr(row, field), unit_of(type(row), field)
-            if isinstance(row, MountRow):
-                unit = KINDS[row.kind].unit(unit)
-            if field == "link_passing" and value is None:
-                value = "may be"
-            if field != "link_passing" or row.frequency is not None:
-                parts = attrs.astuple(value) if isinstance(value, Spread) else value
-                parts = parts if isinstance(parts, tuple) else (value,)
-                for end, one in zip(ends, parts, strict=False):
-                    add(part, name, field + end, one, unit)
-
-    add_fields("report", "", report)
-    add("report", "", "first_to_slip", report.first_to_slip and report.first_to_slip.name)
-    add("report", "", "steady", not report.unsteady)
+    found = list(_numbers_of("report", "", report))
     for field in ("unsteady", "notes", "warnings"):
         for k, text in enumerate(getattr(report, field)):
-            add("report", str(k), field, str(text))
+            found.append(_number("report", str(k), field, str(text)))
     for part in _ROWS:
-        for index, row in enumerate(getattr(report, part)):
-            name = getattr(row, "name", f"class {index}")
-            add_fields(part, name, row)
-            if isinstance(row, Creep):
-                add(part, name, "slower", row.slower, "1")
+        for k, row in enumerate(getattr(report, part)):
+            found += _numbers_of(part, getattr(row, "name", f"class {k}"), row)
     return found
+
+
+def _numbers_of(part: str, name: str, row: Any) -> Iterator[Number]:
+    """Yield what is known of a row."""
+    for field, ends in _fields(part).items():
+        value, unit = getattr(row, field), unit_of(type(row), field)
+        if isinstance(row, MountRow):
+            unit = KINDS[row.kind].unit(unit)
+        if field == "link_passing" and value is None:
+            value = "may be"
+        if field == "link_passing" and row.frequency is None:
+            continue
+        parts = attrs.astuple(value) if isinstance(value, Spread) else value
+        for end, one in zip(ends, parts if isinstance(parts, tuple) else (value,), strict=False):
+            if one is not None:
+                yield _number(part, name, field + end, one, unit)
+    for field, derived in DERIVED.get(part, {}).items():
+        if (value := derived(row)) is not None:
+            yield _number(part, name, field, value, "1")
+
+
+def _number(part: str, name: str, quantity: str, value: Any, unit: str = "") -> Number:
+    if isinstance(value, bool):
+        return Number(part, name, quantity, "1", float(value), "yes" if value else "no")
+    if isinstance(value, str):
+        return Number(part, name, quantity, "", math.nan, value)
+    return Number(part, name, quantity, unit, float(value), None)

@@ -112,12 +112,9 @@ class Report(ReportData):
         margin).
         """
         found: dict[str, Any] = plain(attrs.asdict(self))
-        first = self.first_to_slip
         for row, one in zip(self.creep, found["creep"], strict=True):
-            one["slower"] = row.slower
-        found["steady"] = not self.unsteady
-        found["first_to_slip"] = None if first is None else first.name
-        return found
+            one |= {name: derived(row) for name, derived in flat.DERIVED["creep"].items()}
+        return found | {name: derived(self) for name, derived in flat.DERIVED["report"].items()}
 
     def to_frame(self) -> Any:
         """Return a pandas.DataFrame, a number a row: part, name, quantity, unit, value and text.

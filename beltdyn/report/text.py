@@ -8,7 +8,8 @@ from collections.abc import Iterator, Sequence
 from html import escape
 
 from .. import _core
-from ..base.tables import Table, paragraphs, wrapped
+from ..base.tables import Table, wrapped
+from ..base.tables import html as html_of
 from ..drive.mounts import KINDS
 from . import digits
 from .columns import STILL, Layout, has_shares, made
@@ -327,10 +328,7 @@ def lines(report: ReportData) -> list[str]:
 
 def html(report: ReportData) -> str:
     """Return a report as HTML, for notebooks."""
-    parts = [
-        *paragraphs(opening(report)),
-        *(one for table in tables(report) for one in table.html()),
-    ]
+    parts = [html_of([*opening(report), *tables(report)])]
     for title, texts in _closing(report):
         items = "".join(f"<li>{escape(one)}</li>" for one in texts)
         parts.append(f"<p>{title}:</p><ul>{items}</ul>")

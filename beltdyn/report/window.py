@@ -23,6 +23,7 @@ from ..drive.route import Route, route_at
 from ..drive.span import Span
 from ..outputs.arcs import Arcs, arcs_of, contact_points, gross_slip, per_pulley
 from ..outputs.averages import integral, mean_over, time_weights
+from ..outputs.places import axes_at
 from ..outputs.sampled import Sampled
 from ..outputs.selection import named
 from ..outputs.spans import mid_span
@@ -158,10 +159,8 @@ class Window:
     @functools.cached_property
     def travels(self) -> Array | None:
         """Travels of the mounts (n_w, n_m); None without mounts, or not asked for."""
-        mounts = self.run.mounts
-        if mounts is None or not self.run._has("mounts.travel"):
-            return None
-        return np.asarray(self.of(mounts.travel))
+        travel = self.run.travel if self.run._has("mounts.travel") else None
+        return None if travel is None else self.of(travel)
 
     @property
     def lost_mounts(self) -> bool:
@@ -171,17 +170,13 @@ class Window:
     @functools.cached_property
     def centers(self) -> Array:
         """Axes of the pulleys (n_w, n_p, 2) [m]; of mounts without travels, where these rest."""
-        if self.travels is None:
-            return np.broadcast_to(
-                self.params.centers(), (self.t.size, len(self.params.pulleys), 2)
-            )
-        return np.array([self.params.centers(row) for row in self.travels])
+        axes = axes_at(self.params, self.travels)
+        return np.broadcast_to(axes, (self.t.size, *axes.shape[1:]))
 
     @functools.cached_property
     def arcs(self) -> Arcs:
         """Arcs of contact and slip at the samples (n_w, n_p)."""
-        run = self.run
-        return arcs_of(self.params, run.belt, run.contact, self.centers, self.rows)
+        return arcs_of(self.run, self.centers, self.rows)
 
     @functools.cached_property
     def route(self) -> Route | None:
@@ -350,18 +345,7 @@ class Touching:
         #: Of the belt on the pulleys, counter-clockwise (n_w, n_p) [N m].
         self.torques = per_pulley(self.friction * radius, self.pulley, n_p)
         #: Where pulleys slip over their whole wrap; None: nowhere.
-        self.gross = (
-            None
-            if not params.has_friction
-            else gross_slip(
-                params,
-                run.t[rows],
-                self.pulley,
-                self.normal,
-                self.friction,
-                contact.velocity[rows],
-            )
-        )
+        self.gross = gross_slip(run, rows) if params.has_friction else None
 
 
 def _chord(half: Array, stretch: Array, facts: _core.BeltFacts) -> Array:

@@ -21,10 +21,9 @@ from ..drive.params import Params
 from ..drive.sanity import bodies
 from ..outputs.arcs import Arcs, arcs_of
 from ..outputs.averages import LAST, mean_over, time_weights
-from ..outputs.histories import GROUPS, BeltHistory, histories
-from ..outputs.places import AlongBelt, along, along_cells, flow_of, momentum_flux, routes
+from ..outputs.histories import GROUPS, grouped, histories
+from ..outputs.places import AlongBelt, along, axes_at, momentum_flux
 from ..outputs.sampled import Sampled, running
-from ..outputs.spans import has_angles
 from ..outputs.state import State
 from . import exported, labelled, saved
 
@@ -100,7 +99,6 @@ class Result(Sampled):
         cls,
         t: Array,
         arrays: Mapping[str, NDArray[Any]],
-        energy_terms: Sequence[str],
         samples: int,
         *,
         params: Params,
@@ -110,7 +108,7 @@ class Result(Sampled):
     ) -> Result:
         t = t[:samples]
         done = {name: array[:samples] for name, array in arrays.items()}
-        groups = histories(t, done, energy_terms, params, outputs)
+        groups = histories(t, done, params, outputs)
         spans = done.get("span_tension")
         with np.errstate(all="ignore"):  # a failed run may end with huge numbers
             seen = running(params, t, done, final_state)
@@ -129,16 +127,16 @@ class Result(Sampled):
         """Return the same run with some of its arrays alone."""
         if outputs is None:
             return self
-        kept: dict[str, Any] = {"outputs": outputs}
-        for group, kind in GROUPS.items():
-            held = getattr(self, group)
-            if held is not None and not (group == "energy" and "energy" in outputs):
-                arrays = held.arrays()
-                found = {name: arrays[name] for name in arrays if f"{group}.{name}" in outputs}
-                kept[group] = kind._holding(found)
+        arrays = {
+            name: values
+            for name, values in self._histories().items()
+            if name in outputs or name.partition(".")[0] in outputs
+        }
+        groups = grouped(arrays, outputs, self.params)
+        kept = {name: one for name, one in groups.items() if getattr(self, name) is not None}
         if "span_tension" in outputs:
             kept["sampled_spans"] = self.span_tension
-        return attrs.evolve(self, **kept)
+        return attrs.evolve(self, outputs=outputs, **kept)
 
     def hub_load(self, *, centrifugal: bool = True) -> Array:
         """Return the force of the belt on each pulley in x and y (n_t, n_p, 2) [N].
@@ -160,10 +158,7 @@ class Result(Sampled):
         """
         if flag("centrifugal", centrifugal):
             return self.pulleys.load
-        force, spans = self.joints.force, self.span_tension
-        flow = flow_of(self.params, self.belt, force)
-        flux = momentum_flux(self.params, flow, force, spans, self._travel())
-        return np.asarray(self.pulleys.load + flux)
+        return np.asarray(self.pulleys.load + momentum_flux(self))
 
     def along_belt(self, name: str = "joints.force", places: ArrayLike | None = None) -> AlongBelt:
         """Return a history of joints or links in places that are fixed in space.
@@ -202,20 +197,7 @@ class Result(Sampled):
                 f"places must be from 0 to {length:.6g} m, the length of the belt line, got "
                 f"{asked.min():.6g} to {asked.max():.6g}"
             )
-        return self._along(name, asked, slice(None))
-
-    def _along(self, name: str, places: Array | None, rows: Any) -> AlongBelt:
-        """Return :meth:`along_belt` at some of the samples."""
-        group, _, field = name.partition(".")
-        values = getattr(getattr(self, group), field)[rows]
-        if self.params._belt_facts["flows"]:
-            return along_cells(self.params, self.t[rows], name, values, places)
-        needed = ("x", "y", "phi") if has_angles(self.params) else ("x", "y")
-        belt = {one: getattr(self.belt, one)[rows] for one in needed}
-        travel = self._travel()
-        travel = None if travel is None else travel[rows]
-        at = BeltHistory._holding(belt)
-        return along(self.params, at, self.t[rows], travel, name, values, places)
+        return along(self, name, asked)
 
     @cached_property
     def arcs(self) -> Arcs:
@@ -224,11 +206,7 @@ class Result(Sampled):
         Needs ``belt.x``, ``.y``, ``.phi`` and ``contact.pulley``, ``.normal``, ``.mu`` and
         ``.velocity``; an AttributeError names what was not asked for.
         """
-        _, centers = routes(self.params, self._travel())
-        return arcs_of(self.params, self.belt, self.contact, centers)
-
-    def _travel(self) -> Array | None:
-        return None if self.mounts is None else self.mounts.travel
+        return arcs_of(self, axes_at(self.params, self.travel))
 
     @cached_property
     def slip(self) -> Array:
@@ -290,10 +268,7 @@ class Result(Sampled):
 
     def _repr_html_(self) -> str:
         rows = [(label.replace("  ", "\u2003"), value) for label, value in self.summary()]
-        parts = tables.paragraphs([repr(self)])
-        return "\n".join(
-            [*parts, tables.table_of((), rows), *tables.paragraphs(map(str, self.warnings))]
-        )
+        return tables.html([repr(self), tables.Table("", (), rows, [*map(str, self.warnings)])])
 
     def summary(self, verbose: bool = False) -> list[tuple[str, str]]:
         """List the most important results, and how accurate they are, as pairs of label and value.

@@ -16,9 +16,9 @@ from ..base import npz, plain
 from ..base.run_warnings import RunWarning
 from ..drive.params import Params
 from ..outputs.accuracy_report import WORDS, Accuracy
-from ..outputs.histories import GROUPS, Stats, absent_groups, shape_of
+from ..outputs.histories import GROUPS, Stats, grouped, kept
 from ..outputs.quantity import LEDGER, QUANTITIES, SPANS
-from ..outputs.selection import chosen, lacking
+from ..outputs.selection import chosen
 from ..outputs.state import PARTS, SIZES, State
 from .exported import RESULTS
 
@@ -130,44 +130,28 @@ def _fields(values: dict[str, NDArray[Any]]) -> dict[str, Any]:
     if not np.isfinite(t).all() or (np.diff(t) < 0.0).any():
         raise ValueError("t must be finite and non-decreasing")
 
-    absent = lacking(params) | {
-        f"{LEDGER}.{name}"
-        for name, *_ in _core.ENERGY_TERMS
-        if name not in params._model.energy_terms
+    outputs, ledger = meta.get("outputs"), any(name.startswith(f"{LEDGER}.") for name in values)
+    asked = {
+        name: shape
+        for name, shape in kept(outputs, params).items()
+        if ledger or outputs is not None or not name.startswith(f"{LEDGER}.")
     }
-    for name in sorted(absent & values.keys()):
-        raise ValueError(f"{name} does not belong there: the drive has nothing of the kind")
-    kept = meta.get("outputs")
-    left_out = absent_groups(params)
-    if kept is None and not any(name.startswith(f"{LEDGER}.") for name in values):
-        left_out.add(LEDGER)
-    arrays: dict[str, dict[str, NDArray[Any]]] = {one: {} for one in GROUPS if one not in left_out}
-    for name, row in QUANTITIES.items():
-        group, whole = row.group, row.group == LEDGER
-        if group not in arrays:
-            continue
-        if name in absent or not (kept is None or (group if whole else name) in kept):
-            if name in values:
-                raise ValueError(f"{name} does not belong there: it was not asked for")
-            continue
-        kind = np.int32 if name == "contact.pulley" else np.float64
-        shape = (t.size, *(() if whole else shape_of(row.size, params)))
-        array = npz.number_array(name, values[name], kind, shape)
-        beyond = name in _MAY_OVERFLOW or row.size in PARTS or whole
-        if not (beyond and not meta["success"]) and not np.isfinite(array).all():
+    arrays = {}
+    for name, shape in asked.items():
+        row, kind = QUANTITIES[name], np.int32 if name == "contact.pulley" else np.float64
+        array = arrays[name] = npz.number_array(name, values[name], kind, (t.size, *shape))
+        beyond = name in _MAY_OVERFLOW or row.size in PARTS or row.group == LEDGER
+        unknown = name == SPANS or (beyond and not meta["success"])
+        if not unknown and not np.isfinite(array).all():
             raise ValueError(f"{name} must be finite")
-        arrays[group][row.field] = array
-    touched = arrays["contact"].get("pulley", np.zeros(0))
+    for name in sorted(values.keys() & QUANTITIES.keys() - asked.keys()):
+        there = name == SPANS or name in kept(None, params)
+        why = "it was not asked for" if there else "the drive has nothing of the kind"
+        raise ValueError(f"{name} does not belong there: {why}")
+    spans = arrays.pop(SPANS, None)
+    touched = arrays.get("contact.pulley", np.zeros(0))
     if touched.size and not -1 <= touched.min() <= touched.max() < n_p:
         raise ValueError(f"contact.pulley must be from -1 to {n_p - 1}")
     final = State._of_file(values, "final_state.", params._model.sizes, t=meta.pop("final_t"))
-    groups: dict[str, Any] = dict.fromkeys(GROUPS)
-    for name, found in arrays.items():
-        whole = name == LEDGER and (kept is None or LEDGER in kept)
-        groups[name] = GROUPS[name](**found) if whole else GROUPS[name]._holding(found)
-    if kept is not None and SPANS in kept:
-        per_span = (t.size, n_p)
-        groups["sampled_spans"] = npz.number_array(SPANS, values[SPANS], np.float64, per_span)
-    elif SPANS in values:
-        raise ValueError(f"{SPANS} does not belong there: it was not asked for")
+    groups = grouped(arrays, outputs, params) | {"sampled_spans": spans}
     return {"t": t, **groups, "params": params, "final_state": final, **meta}

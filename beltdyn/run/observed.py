@@ -98,12 +98,8 @@ def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
 
 
 def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
-    params, contact = result.params, result.contact
-    if not params.has_friction:
-        return
-    found = gross_slip(
-        params, result.t, contact.pulley, contact.normal, contact.friction, contact.velocity
-    )
+    params = result.params
+    found = gross_slip(result) if params.has_friction else None
     if found is None:
         return
     lasts = durations(result.t)

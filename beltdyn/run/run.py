@@ -188,7 +188,6 @@ class Run:
         seen = Result._from_core(
             start.t_eval,
             self._arrays,
-            params._model.energy_terms,
             sim.samples,
             stats=stats,
             effects=tuple(sim.passes),

@@ -124,8 +124,8 @@ class Modes:
     def _repr_html_(self) -> str:
         above, modes, below = self._told()
         rows = [(str(k), *cells) for k, cells in enumerate(modes)]
-        shown = tables.table_of(("k", "frequency Hz", "damping %", "what moves"), rows)
-        return "\n".join([*tables.paragraphs(above), shown, *tables.paragraphs(below)])
+        heading = ("k", "frequency Hz", "damping %", "what moves")
+        return tables.html([*above, tables.Table("", heading, rows, below)])
 
     def _told(self) -> tuple[list[str], list[tuple[str, str, str]], list[str]]:
         """Return the lines above the modes; of each frequency, damping, name; the lines below."""
