@@ -25,6 +25,7 @@ RIMS = 0.01
 
 TABLE = _core.STATE_FIELDS
 SIZES: dict[str, str] = {row[0]: row[1] for row in TABLE}
+SPEEDS = tuple(name for name, _, unit, _ in TABLE if "/s" in unit)
 #: Those that can have several rows, each of all links.
 ROWS = ("STATES", "SLOTS")
 #: Which array of a size says how many values there are.
@@ -252,7 +253,7 @@ class State:
         going = params._model.set_going(core, v)
         turning = np.array(going["omega"])
         turning[list(speeds)] = list(speeds.values())
-        moving = {name: going[name] for name, _, unit, _ in TABLE if "/s" in unit}
+        moving = {name: going[name] for name in SPEEDS}
         for c, k in enumerate(params.coupled):
             moving["rim_speed"][c] = turning[k]
         return attrs.evolve(self, **moving | {"omega": turning}, residual=None)

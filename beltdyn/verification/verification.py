@@ -20,7 +20,7 @@ from ..many.outcome import Outcome, attempt
 from ..many.pools import Pool, as_pool
 from ..outputs.accuracy_report import SPACE_FLOOR, TIME_FLOOR, Accuracy, QuantityError
 from ..outputs.sampled import known
-from ..outputs.state import State
+from ..outputs.state import SPEEDS, State
 from ..result.result import Result
 from .quantities import (
     HISTORIES,
@@ -55,8 +55,6 @@ CHANCE = 0.03
 PARTED, PARTED_RTOL = 100.0, 1e-4
 #: Histories are judged if they are known over this part of the run.
 JUDGED = 0.1
-
-_SPEEDS = ("vx", "vy", "vphi", "v", "p", "along_speed", "omega")
 
 
 #: Runs a scene with options, and settles a drive.
@@ -287,7 +285,7 @@ def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -
     """Return the state on another mesh, if it is one that settling gives there as well."""
     # Links have positions of their own, to within the depth of the contact; a state that is moved
     # to other links would begin with a shock.
-    still = not any(getattr(initial, name).any() for name in _SPEEDS)
+    still = not any(getattr(initial, name).any() for name in SPEEDS)
     speeds = {0: float(initial.omega[0])}
     ways: tuple[Callable[[Params], State], ...] = (
         lambda drive: settle(drive, speed=speeds),
@@ -309,7 +307,7 @@ def _same(one: State, other: State, scale: float) -> bool:
     return all(
         np.allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-9 * scale)
         for name in places
-    ) and all(np.allclose(getattr(one, name), getattr(other, name)) for name in _SPEEDS)
+    ) and all(np.allclose(getattr(one, name), getattr(other, name)) for name in SPEEDS)
 
 
 def _until(result: Result, observed: Observed, in_time: Done | None, limit: float) -> float | None:

@@ -26,7 +26,6 @@ import attrs
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
 from ..base.checks import Array
 from ..base.optional import scipy_module
 from ..drive import cells
@@ -34,16 +33,14 @@ from ..drive.params import Params
 from ..drive.route import route_at
 from ..loads.torques import TorqueLike, as_terms
 from ..outputs.spans import has_angles
-from ..outputs.state import State
+from ..outputs.state import SIZES, SPEEDS, State
 
 Complex = NDArray[np.complex128]
 
 #: Share of the wave speed below which the belt is at rest.
 STANDSTILL_SPEED = 1e-6
-_SPEEDS = [name for name, _, unit, _ in _core.STATE_FIELDS if "/s" in unit]
 #: Of which each link, or each state of friction of a link, has one.
 LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
-_SIZES = {row[0]: row[1] for row in _core.STATE_FIELDS}
 #: Steps of the differences: of angles [rad]; of speeds [rad/s] and against the speed.
 _ANGLE, _SPEED, _RELATIVE = 1e-5, 1e-4, 1e-4
 #: Weights of neighbours in the derivative by the number of a link: second order against the run,
@@ -138,7 +135,7 @@ class Linear:
 
     def norms(self, rate: float) -> Array:
         """Sizes of the unknowns in vibrations of this angular frequency [1/s]."""
-        fast = np.isin(self.names, _SPEEDS)
+        fast = np.isin(self.names, SPEEDS)
         return np.where(fast, rate, 1.0) * self.unit
 
     def scaled(self, rate: float) -> tuple[Array, Any]:
@@ -225,13 +222,13 @@ def _jacobian(
     params: Params, core: Mapping[str, Any], sparse: Any
 ) -> tuple[Any, Any, NDArray[np.intp]]:
     """J of the unknowns that are kept, the field of each and its place in it."""
-    sizes = {name: np.size(core[name]) for name in _SIZES}
+    sizes = {name: np.size(core[name]) for name in SIZES}
     names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
     index = np.concatenate([np.arange(size) for size in sizes.values()])
     rows, columns, values = params._model.jacobian(core)
     whole = sparse.csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))
     own = params._belt_facts["fields"]
-    used = [name for name, size in _SIZES.items() if size != "LINKS" or name in own]
+    used = [name for name, size in SIZES.items() if size != "LINKS" or name in own]
     kept = np.flatnonzero(np.isin(names, used) & ~np.isin(names, ["slip", "rim_angle"]))
     return whole[:, kept][kept], names[kept], index[kept]
 
@@ -249,7 +246,7 @@ def _units(params: Params, names: Any, jacobian: Any) -> Array:
     for name, size in sizes.items():
         unit[names == name] = size
     # states of friction: what a slip of 1 m makes of them as it begins
-    rates = np.flatnonzero(np.isin(names, _SPEEDS))
+    rates = np.flatnonzero(np.isin(names, SPEEDS))
     by_slip = abs(jacobian[:, rates]).multiply(unit[rates])
     largest = np.asarray(by_slip.max(axis=1).todense()).ravel()
     for name in ("mu", "mount_friction"):
