@@ -153,7 +153,7 @@ def test_the_torque_that_grows_alone() -> None:
         spans = np.array(shares) * float(params.info["strain_tension"])
         pulls = params.route.senses * (spans - np.roll(spans, 1))
         torque = pulls * [pulley.radius for pulley in params.pulleys]
-        of = {"params": params, "tension": spans, "torque": torque, "speed": speed}
+        of = {"params": params, "tension": spans, "torque": torque, "flow": speed}
         return Steady(**of, driver=0, travel=np.zeros(0))
 
     state = state_of(drive(), [0.7, 1.3], 1.2)
@@ -396,7 +396,7 @@ def state_of_theory(share: float, way: int = 1) -> Steady:
         params=unequal(120),
         tension=np.array(spans if way > 0 else spans[::-1]),
         torque=way * np.array([-state.torque, state.load]),
-        speed=-way * speed,
+        flow=-way * speed,
         driver=0,
         travel=np.zeros(0),
     )

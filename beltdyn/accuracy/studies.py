@@ -229,7 +229,7 @@ def _names(scene: Scene, methods: Sequence[str] | None) -> list[str]:
 
 
 def _flows(scene: Scene) -> bool:
-    return bool(scene.params._belt_facts["flows"])
+    return scene.params._flows
 
 
 def _references(

@@ -55,7 +55,7 @@ D = TypeVar("D", bound=Drive)
 
 def instead(params: D) -> D | None:
     """Return the drive with an ALE belt in place of links; None: it has one, or cannot have it."""
-    if params._belt_facts["flows"] or params._belt_facts["tangents"]:
+    if params._flows or params._belt_facts["tangents"]:
         return None
     try:
         belt = attrs.evolve(params.belt, mesh=CHOOSE[0], model="auto", n_bodies=None)

@@ -105,7 +105,7 @@ class Drive:
     @property
     def _tensioned(self) -> Tensioning:
         """How the belt is tensioned: as asked, or freely where its model allows nothing else."""
-        return Tensioning() if self._belt_facts["flows"] else self.tensioning
+        return Tensioning() if self._flows else self.tensioning
 
     @property
     def _first_length(self) -> float:
@@ -217,12 +217,17 @@ class Drive:
 
         "cells" for an ALE belt, which flows through them.
         """
-        return "cells" if self._belt_facts["flows"] else self._belt_facts["model"]
+        return "cells" if self._flows else self._belt_facts["model"]
 
     @property
     def _belt_facts(self) -> _core.BeltFacts:
         """Facts of its belt model."""
         return BELTS[self._model.belt]
+
+    @property
+    def _flows(self) -> bool:
+        """Whether the belt flows through cells that stand still."""
+        return bool(self._belt_facts["flows"])
 
     @property
     def effective_belt(self) -> Belt:

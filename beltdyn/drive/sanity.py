@@ -95,7 +95,7 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
     (benchmarks/mesh_estimate.py).
     """
     info = params.info
-    if params._belt_facts["flows"]:
+    if params._flows:
         return cells.errors(params, pull)
     if params._belt_facts["tangents"]:
         found = dict.fromkeys(JOINT_ERRORS, mesh_share(params))
@@ -116,7 +116,7 @@ def mesh_error(params: Drive, shaking: float = 0.0, pull: float = 0.0) -> dict[s
 def shaken(params: Drive, speed: float) -> float:
     """Estimate the relative rise of the mean tension due to links that land [1] (section 6)."""
     belt, info = params.belt, params.info
-    if params._belt_facts["flows"]:
+    if params._flows:
         return 0.0
     length, tension = info["link_length"], info["strain_tension"]
     slope = belt.linear_density * speed * speed / tension  # inf where speed**2 raises
@@ -128,7 +128,7 @@ def shaken(params: Drive, speed: float) -> float:
 def shaking_seen(params: Drive, speed: float, across: float, time: float) -> float:
     """Estimate the same from a run, from velocities of links across their spans (section 6)."""
     belt, info = params.belt, params.info
-    if params._belt_facts["flows"]:
+    if params._flows:
         return 0.0
     tension, density = info["strain_tension"], belt.linear_density
     strain = 0.5 * across / (tension / density + speed * speed)
@@ -143,7 +143,7 @@ def mesh_loss(params: Drive, contact: float, friction: float) -> float:
     What dampers of the contact take is nearly all from links that land. Friction is wrong by the
     share of a link in an arc; on the paper's mesh by that of the tension as well.
     """
-    if params._belt_facts["flows"]:
+    if params._flows:
         return abs(friction) * cells.errors(params, float(params.info["strain_tension"]))["tension"]
     lie = params.route.wraps * params._radii / params.info["link_length"]
     raised = mesh_share(params) if params._belt_facts["tangents"] else 0.0
@@ -157,7 +157,7 @@ def bodies(params: Drive) -> str:
 
 def describe_mesh(params: Drive) -> str:
     """Describe the error of the mesh in one line."""
-    if params._belt_facts["flows"]:
+    if params._flows:
         return cells.describe(params)
     belt, error, n_b = params.belt, mesh_error(params), params.info["n_bodies"]
     # a run knows its speed and load; here, from which speed on landing links are the larger part
@@ -276,7 +276,7 @@ def _of_pulleys(params: Drive) -> Iterator[RunWarning]:
             where=params.label(worst),
             accuracy=True,
         )
-    if params._belt_facts["flows"]:
+    if params._flows:
         yield from cells.limits(params)
         return
     small = int(np.argmin(radii))

@@ -114,7 +114,7 @@ def contact_points(params: Params, belt: BeltHistory, rows: Any) -> Array:
     if params._belt_facts["at_joints"]:
         return joint_points(params, belt, rows)
     points = np.stack([belt.x[rows], belt.y[rows]], axis=-1)
-    if params._belt_facts["flows"]:
+    if params._flows:
         points = 0.5 * (points + np.roll(points, -1, axis=1))
     return np.asarray(points)
 
@@ -150,7 +150,7 @@ def arcs_of(run: Sampled, centers: Array, rows: slice = ALL) -> Arcs:
         rubs, falls = np.abs(contact.mu[rows]), contact.mu[rows] * contact.velocity[rows] < 0.0
         for k in range(n_p):
             on = touched == k
-            if params._belt_facts["flows"]:
+            if params._flows:
                 angles = _of_cells(params, belt, rows, axes[:, k], on)
                 slipping = _beyond(rubs - SLIP_FROM * full, on)
             else:

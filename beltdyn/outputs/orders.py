@@ -107,7 +107,7 @@ def sources(result: Sampled, rows: Any = slice(None)) -> tuple[Source, ...]:
     t, params, belt = np.asarray(result.t[rows]), result.params, belt_turning(result, rows)
     known = MEASURED if _has_links(result) or result._has("belt.flow") else FROM_RIMS
     found = []
-    if belt is not None and not params._belt_facts["flows"]:
+    if belt is not None and not params._flows:
         found.append(_source("link passing", "link", t, belt * params.n_bodies, known))
     if result._has("pulleys.omega"):
         turning = result.pulleys.omega[rows] / (2.0 * np.pi)

@@ -141,7 +141,7 @@ def along(run: Sampled, name: str, places: Array | None, rows: Any = ALL) -> Alo
     params, line, (group, _, field) = run.params, run.params.route, name.partition(".")
     values = getattr(getattr(run, group), field)[rows]
     edges = line_edges(line, params._radii)
-    if params._belt_facts["flows"]:
+    if params._flows:
         s, found = _of_cells(params, name, values, places)
     else:
         s = (np.arange(params.n_bodies) + 0.5) * (edges[-1] / params.n_bodies)
@@ -235,7 +235,7 @@ def momentum_flux(run: Sampled) -> Array:
     the speeds v = c (1 + T / EA) of the spans beside a pulley, whose directions away from it are d.
     """
     params, belt, mean = run.params, run.belt, run.joints.force.mean(axis=1)
-    if params._belt_facts["flows"]:
+    if params._flows:
         flow = belt.flow
     else:
         speed = (belt.vx * np.cos(belt.phi) + belt.vy * np.sin(belt.phi)).mean(axis=1)

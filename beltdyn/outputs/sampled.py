@@ -153,7 +153,7 @@ def known(run: Sampled) -> Accuracy:
 class Running:
     """Motion and load of the belt in a run, the same whatever outputs are kept."""
 
-    speed: float  # of the fastest rim, rms over the last part; the belt's but for creep [m/s]
+    rim_speed: float  # of the fastest rim, rms over the last part; the belt's but for creep [m/s]
     shaking: float  # relative rise of the mean tension by links that land then [1]
     shaking_over_time: float  # the same over the whole run
     pull: float = 0.0  # largest difference of mean tensions across a pulley, of its torque [N]
@@ -167,7 +167,7 @@ def running(params: Params, t: Array, arrays: Mapping[str, Array], end: State) -
     if t.size < 2:
         speed = float(np.max(np.abs(end.omega * radii)))
         shaken = sanity.shaken(params, speed)
-        return Running(speed=speed, shaking=shaken, shaking_over_time=shaken)
+        return Running(rim_speed=speed, shaking=shaken, shaking_over_time=shaken)
     rims, lasts = np.max(np.abs(omega * radii), axis=1) ** 2, float(t[-1] - t[0])
     there = np.flatnonzero(~np.isnan(across))  # looked at in some samples
 
@@ -178,7 +178,7 @@ def running(params: Params, t: Array, arrays: Mapping[str, Array], end: State) -
         return speed, sanity.shaking_seen(params, speed, square, lasts)
 
     speed, shaken = seen(LAST)
-    found = Running(speed=speed, shaking=shaken, shaking_over_time=seen(1.0)[1])
+    found = Running(rim_speed=speed, shaking=shaken, shaking_over_time=seen(1.0)[1])
     if not lasts > 0.0:
         return found
     # Means: motions that are prescribed need torques that jump with every link.
@@ -218,9 +218,9 @@ def _of_mesh(run: Sampled) -> dict[str, float]:
     losses = (run.energy.contact_loss, run.energy.friction_loss)
     lost = sanity.mesh_loss(params, *(float(one[-1] - one[first]) for one in losses))
     lost /= float(t[-1] - t[first])
-    carried = seen.speed * max(seen.pull, MIN_FRICTION * tension)
+    carried = seen.rim_speed * max(seen.pull, MIN_FRICTION * tension)
     # a link at the ends of arcs, in the belt's forces and means
-    half = 0.0 if params._belt_facts["flows"] else 0.5 / params.info["n_bodies"]
+    half = 0.0 if params._flows else 0.5 / params.info["n_bodies"]
     if carried > 0.0:
         # set torques know nothing of the ends of arcs, those that a motion needs do
         of_torques = half if run.prescribed else 0.0

@@ -74,7 +74,7 @@ def mid_span(params: Params, belt: BeltHistory, force: Array, rows: slice = ALL)
     it, the nearest counts; NaN where there is none. An ALE belt has one tension to a span.
     """
     n_p, force = len(params.pulleys), force[rows]
-    if params._belt_facts["flows"]:
+    if params._flows:
         return np.asarray(force[:, params._cells < 0])
     if n_p == 1:
         return np.asarray(force.mean(axis=1, keepdims=True))

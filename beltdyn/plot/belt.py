@@ -51,7 +51,7 @@ def force_along_belt(
     label = f"t = {result.t[row]:.4g} s"
     look: dict[str, Any] = {"marker": ".", "markersize": 3, "linewidth": 0.9, "label": label}
     look |= style.line_style(style.unused(ax, len(style.COLOURS) - 1)) | {"linestyle": "-"}
-    flows = result.params._belt_facts["flows"]
+    flows = result.params._flows
     at = first + np.arange(n_b) - (0.0 if flows else 0.5)
     style.draw_line(ax, at, result.joints.force[row], look, line)
     words = ("cell", "tension") if flows else ("element", "joint force")

@@ -100,7 +100,7 @@ def _in_contact(
         y = np.where(touches, values[:, k], np.nan)
         if against == "slip":
             at = np.where(touches, at, np.nan)
-        flows = result.params._belt_facts["flows"]
+        flows = result.params._flows
         anew = np.zeros(0, dtype=np.intp) if flows else _begun_anew(result, k)
         name += "" if touches.any() else " (no contact)"
         curves.append((n, name, np.insert(at, anew, np.nan), np.insert(y, anew, np.nan)))

@@ -44,7 +44,7 @@ class _ModePicture:
 
     def _line(self, points: Array, axes: Array, deflection: Array | None = None) -> Array:
         """Return the closed belt line (2, n) through links, or where cells begin (2, n_b)."""
-        if self.params._belt_facts["flows"]:
+        if self.params._flows:
             points = np.vstack(lines_of_cells(self.params, points.T, axes, deflection)).T
         return np.hstack([points, points[:, :1]])
 

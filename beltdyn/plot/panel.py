@@ -155,6 +155,6 @@ def named_pulleys(result: Result, pulleys: Pulleys | None) -> list[tuple[int, in
 
 def numbered(result: Result, what: str, which: Indices) -> list[tuple[int, int, str]]:
     """Return style, index and name of each "link" or "joint" asked for; ALE belts have cells."""
-    word = "cell" if result.params._belt_facts["flows"] else what
+    word = "cell" if result.params._flows else what
     chosen = indices(what, which, result.params.n_bodies)
     return [(n, k, f"{word} {k}") for n, k in enumerate(chosen)]

@@ -70,7 +70,7 @@ class DrivePicture:
         self._slip_from = slip_from
         self._kinds = _ARCS if arcs and params.has_friction else ()
         self._moves = result.mounts is not None
-        self._flows = bool(params._belt_facts["flows"])
+        self._flows = params._flows
         self._limits = self._scale(limits)
         self._followed = [self._follow(link) for link in self._links.values()]
 

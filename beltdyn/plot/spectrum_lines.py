@@ -14,6 +14,7 @@ from matplotlib.patheffects import withStroke
 
 from ..base.checks import Array, pair, positive, real, real_array, shown
 from ..base.naming import index_of
+from ..outputs.orders import STILL
 from ..result.result import Result
 from ..spectra import Spectrogram, Spectrum, folded, speed_spectra
 from ..spectra import spectrum as spectrum_of
@@ -27,8 +28,8 @@ _MARKERS = "osD^vP"
 _PASSINGS, _ORDERS = 3, (1, 2, 4, 6, 8)
 #: Range of the colours of a Campbell diagram, from the largest amplitude down.
 _DECADES = 2.0
-#: Turns of a pulley in the run below which it stands still, and fewest slices of time of a diagram.
-_STILL, _SLICES = 1e-3, 3
+#: Fewest slices of time of a Campbell diagram.
+_SLICES = 3
 
 
 @draws()
@@ -283,7 +284,7 @@ def _check_speeds(result: Result, found: Spectrogram, pulley: int) -> None:
     name = result.params.label(pulley)
     omega = np.abs(result.pulleys.omega[:, pulley])
     turns = float(np.trapezoid(omega, result.t)) / (2.0 * np.pi)
-    if turns < _STILL:
+    if turns < STILL:
         raise ValueError(
             f"{name} stands still: there are no speeds to draw a Campbell diagram over; for a "
             "drive at rest draw plot.spectrum"

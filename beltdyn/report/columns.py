@@ -14,7 +14,7 @@ from .digits import NONE, between, fixed, largest, number, or_nan, placed, withi
 from .rows import SCALES, Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
 #: Speeds below this are rounding [rad/s], and powers below that much of the largest.
-STILL, _NOTHING = 1e-6, 1e-9
+ROUNDING, _NOTHING = 1e-6, 1e-9
 #: Part of the largest power that is as good as none: half a place of 100.00 %.
 _PART = 5e-5
 #: A part over the whole of what is put in, beyond which parts are no shares of it.
@@ -156,7 +156,7 @@ def _drop_rounding(value: Spread | None, least: float) -> Spread | None:
 
 
 def _speed(report: ReportData, row: PulleyRow, scale: float) -> tuple[str, str, str]:
-    return placed(_drop_rounding(row.speed, STILL), digits.of_speed(report, row), scale)
+    return placed(_drop_rounding(row.speed, ROUNDING), digits.of_speed(report, row), scale)
 
 
 def _power(report: ReportData, row: PulleyRow, _scale: float) -> str:

@@ -45,16 +45,16 @@ def creep_rows(window: Window) -> list[Creep]:
     omega, radii, senses = window.mean(window.of(kept)), params._radii, params.route.senses
     rims = omega * radii * senses
     tension = None if window.spans is None else window.mean(window.spans)
-    if tension is None or np.isnan(tension).any() or touching.speed == 0.0:
+    if tension is None or np.isnan(tension).any() or touching.flow == 0.0:
         notes.append("no split of creep: not all spans have a tension in this window")
         return []
     if window.reverses:
         notes.append(
             "no creep: the belt's speed changes in this window by more than its mean, "
-            f"{touching.speed:.3g} m/s; take a part of the run in which it runs evenly (last)"
+            f"{touching.flow:.3g} m/s; take a part of the run in which it runs evenly (last)"
         )
         return []
-    arriving = np.roll(tension, 1) if touching.speed > 0.0 else tension
+    arriving = np.roll(tension, 1) if touching.flow > 0.0 else tension
     limits = friction_limits(window)
     parts = [_factors(window, k, float(arriving[k]), limits[k]) for k in range(radii.size)]
     first, rows = parts[driver], []
@@ -117,11 +117,11 @@ def _factors(
     def mean(values: Array) -> float:
         return float(np.sum(weight * values) / total)
 
-    speed, way = abs(on.speed), math.copysign(1.0, on.speed)
+    flow, way = abs(on.flow), math.copysign(1.0, on.flow)
     velocity = way * float(params.route.senses[k]) * mean(on.velocity)
     stretch = Span(params.belt, tension).stretch
-    slip = velocity - speed * (mean(on.stretch) - stretch)
-    carried = 1.0 - slip / (speed * stretch)
+    slip = velocity - flow * (mean(on.stretch) - stretch)
+    carried = 1.0 - slip / (flow * stretch)
     if not carried > 0.0:
         return None
     return stretch, carried, params.pulleys[k].radius / mean(on.running)

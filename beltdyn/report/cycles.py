@@ -45,7 +45,7 @@ def rainflow(values: ArrayLike) -> list[Cycle]:
 
 def cycle_rows(window: Window, joint: int) -> dict[str, Any]:
     """Count the cycles of a joint over the last round of the belt or, if longer, the window."""
-    run, driver, flows = window.run, window.driver, window.params._belt_facts["flows"]
+    run, driver, flows = window.run, window.driver, window.params._flows
     found: dict[str, Any] = {"cycles": (), "cycles_begin": float(window.t[0]), "rounds": None}
     for name in window.missing(("joints.force", "belt.passed"))[:1]:
         window.notes.append(f"no load cycles: {name} was not asked for")

@@ -92,7 +92,7 @@ def _arcs(window: Window, k: int) -> dict[str, Any]:
     if way is not None:
         wrap = float(way.wraps[k])
         links = wrap * params.pulleys[k].radius / float(params.info["link_length"])
-        if params._belt_facts["flows"]:
+        if params._flows:
             links = float(np.count_nonzero(params._cells == k))
         found = {"wrap": wrap, "links": links}
     elif k in params.mounted:

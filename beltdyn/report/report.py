@@ -243,5 +243,5 @@ def _belt_speeds(window: Window) -> Spread | None:
     """Return the speed of the belt with its range."""
     if window.touching is None or window.belt is None:
         return None
-    found = window.spread(window.speeds * window.touching.stretch.mean(axis=1))
+    found = window.spread(window.flows * window.touching.stretch.mean(axis=1))
     return found and attrs.evolve(found, mean=float(window.belt.speed))

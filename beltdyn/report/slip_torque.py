@@ -58,7 +58,7 @@ class Steady:
     params: Params
     tension: Array  # of the span after each pulley (n_p,) [N]
     torque: Array  # of the belt on each pulley, counter-clockwise (n_p,) [N m]
-    speed: float  # stress-free length that passes in a second, in the order of the links [m/s]
+    flow: float  # stress-free length that passes in a second, in the order of the links [m/s]
     driver: int  # the pulley whose speed is held
     travel: Array  # of the mounts (n_m,) [rad, m, s]
     friction: Array | None = None  # coefficients (n_p,) [1]; None: those in fast slip
@@ -89,9 +89,9 @@ class _Theory:
         self.raised = raised(params, self.radii)
         self.mean = float(steady.tension.mean())
         # Of span k the pulley k + 1 is the next one: tension on arriving is that of span k - 1.
-        self.arrives = -1 if steady.speed >= 0.0 else 0
+        self.arrives = -1 if steady.flow >= 0.0 else 0
         self.stretch_in = self.span(steady.tension[steady.driver + self.arrives]).stretch
-        pulls = self.span(steady.tension, steady.speed).pull
+        pulls = self.span(steady.tension, steady.flow).pull
         self.measured = pulls - np.roll(pulls, 1)
         per_factor = params.route.senses * steady.torque / self.radii
         if growing is not None:
@@ -110,25 +110,25 @@ class _Theory:
         self.growth, self.slack = (1.6, 10.0 * _SLACK) if coarse else (1.25, _SLACK)
         self.solved: dict[float, _State | None] = {}
 
-    def span(self, tension: Any, speed: float = 0.0) -> Span:
-        return Span(self.params.belt, tension, speed)
+    def span(self, tension: Any, flow: float = 0.0) -> Span:
+        return Span(self.params.belt, tension, flow)
 
     def _steps(self, factor: float) -> Array:
         """Return the pull of each span over that of the last one [N]."""
         return np.cumsum(self.measured + (factor - 1.0) * self.per_factor)
 
     def tensions(self, last: float, factor: float) -> tuple[Array, float]:
-        """Return the tensions of all spans from that of the last one, and the belt's speed."""
-        speed, steps = self.steady.speed, self._steps(factor)
-        for _ in range(3):  # the speed changes by strains alone
-            pull = self.span(last, speed).pull + steps
-            tension = Span.of_pull(self.params.belt, pull, speed).tension
+        """Return the tensions of all spans from that of the last one, and the belt's flow."""
+        flow, steps = self.steady.flow, self._steps(factor)
+        for _ in range(3):  # the flow changes by strains alone
+            pull = self.span(last, flow).pull + steps
+            tension = Span.of_pull(self.params.belt, pull, flow).tension
             # it is held where the belt arrives at the driving pulley
             arriving = self.span(float(tension[self.steady.driver + self.arrives]))
-            speed = float(self.steady.speed * self.stretch_in / arriving.stretch)
+            flow = float(self.steady.flow * self.stretch_in / arriving.stretch)
         if np.min(pull) <= 0.0:
             raise ValueError("a span would be slack")
-        return tension, speed
+        return tension, flow
 
     def route(self, unknown: Array) -> tuple[Route, Array, Array]:
         """Return the way of the belt, travels of all mounts, axes."""
@@ -140,11 +140,11 @@ class _Theory:
 
     def _misfit(self, unknown: Array, factor: float) -> Array:
         """Return the residuals of length (relative) and of mounts (over the tension)."""
-        tension, speed = self.tensions(float(unknown[0]), factor)
+        tension, flow = self.tensions(float(unknown[0]), factor)
         way, travels, centers = self.route(unknown)
-        span = self.span(tension, speed)
+        span = self.span(tension, flow)
         pull, free = span.pull, np.sum(way.spans / span.stretch)
-        misfit = [float(free + self._on_pulleys(pull, speed, way)) / self.length]
+        misfit = [float(free + self._on_pulleys(pull, flow, way)) / self.length]
         ends = way._ways / way.spans[:, None]
         forces = self.params._model.mount_forces(travels)
         for m, k, mount in self.moving:
@@ -161,7 +161,7 @@ class _Theory:
         logs = np.abs(np.log(pull / np.roll(pull, 1)))
         return np.divide(logs, self.mu, out=np.where(logs > 0.0, np.inf, 0.0), where=self.mu > 0.0)
 
-    def _on_pulleys(self, pull: Array, speed: float, way: Route) -> float:
+    def _on_pulleys(self, pull: Array, flow: float, way: Route) -> float:
         """Return the stress-free length of the belt on the pulleys [m]."""
         first, last = np.roll(pull, 1), pull
         if self.arrives == 0:
@@ -170,8 +170,8 @@ class _Theory:
 
         def unstretched(pulls: Array, radii: Array, raised: Array) -> Array:
             """Stress-free length per angle."""
-            span = Span.of_pull(self.params.belt, pulls, speed)
-            sunk = depth_under(self.params, radii, span.tension, speed) - raised
+            span = Span.of_pull(self.params.belt, pulls, flow)
+            sunk = depth_under(self.params, radii, span.tension, flow) - raised
             return np.asarray((radii - sunk) / span.stretch)
 
         sticking = (way.wraps - slip) * unstretched(first, self.radii, self.raised)
@@ -185,7 +185,7 @@ class _Theory:
         unknown = np.array(start)
         # with which no span is slack
         least = float(0.02 * self.mean - np.min(self._steps(factor)))
-        tight = Span.of_pull(self.params.belt, least, self.steady.speed).tension
+        tight = Span.of_pull(self.params.belt, least, self.steady.flow).tension
         unknown[0] = max(unknown[0], float(tight))
         sizes = np.append(self.mean, np.full(len(self.free), 1e-2))
         reach = np.append(0.5 * self.mean, np.full(len(self.free), 0.1))
@@ -228,8 +228,8 @@ class _Theory:
             self.solved[factor] = None
             with contextlib.suppress(ValueError, np.linalg.LinAlgError):
                 unknown = self.solve(factor, start)
-                tension, speed = self.tensions(float(unknown[0]), factor)
-                angles = self.slip_angles(self.span(tension, speed).pull)
+                tension, flow = self.tensions(float(unknown[0]), factor)
+                angles = self.slip_angles(self.span(tension, flow).pull)
                 used = angles / self.route(unknown)[0].wraps
                 self.solved[factor] = _State(factor, unknown, used)
         return self.solved[factor]

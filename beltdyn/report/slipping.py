@@ -80,12 +80,12 @@ class _Slipping:
         self.falls = self.reached > 1.01 * self.mu
         self.radii = self.params._radii
         # A shorter wrap is now and then without a link, and nothing holds its spans apart.
-        least = 0.0 if self.params._belt_facts["flows"] else self.params.info["link_length"]
+        least = 0.0 if self.params._flows else self.params.info["link_length"]
         self.holds = wraps * self.radii >= least
         self.tensions = window.smoothed(spans, window.passing)
-        self.speeds = window.speeds
+        self.flows = window.flows
         self.torques = window.smoothed(self.touching.torques, window.passing)
-        over_time = Span(self.params.belt, self.tensions, self.speeds[:, None])
+        over_time = Span(self.params.belt, self.tensions, self.flows[:, None])
         self.over_time = self._used(over_time.pull)
         self.slips: NDArray[np.bool_] = np.zeros(self.radii.size, dtype=np.bool_)
         if self.touching.gross is not None:
@@ -106,7 +106,7 @@ class _Slipping:
 
     def add_ratios(self) -> None:
         params = self.params
-        pull = Span(params.belt, self.tension, self.touching.speed).pull
+        pull = Span(params.belt, self.tension, self.touching.flow).pull
         mean = self._used(pull)
         for k, found in enumerate(self.found):
             tight, slack = float(max(pull[k], pull[k - 1])), float(min(pull[k], pull[k - 1]))
@@ -200,7 +200,7 @@ class _Slipping:
         if window.driver is not None and window.reverses:
             mean = float(np.mean(self.tension))
             low, high = (
-                Span(self.params.belt, mean, end(self.speeds)).speed
+                Span(self.params.belt, mean, end(self.flows)).speed
                 for end in (np.nanmin, np.nanmax)
             )
             self.notes.append(
@@ -209,7 +209,7 @@ class _Slipping:
             )
             return
         travels, sticking = window.mean(self.travels), []
-        state = self._state(window.driver, self.tension, torque, self.touching.speed, travels)
+        state = self._state(window.driver, self.tension, torque, self.touching.flow, travels)
         try:
             together = full_slip(state)
             if self.falls.any():
@@ -241,24 +241,24 @@ class _Slipping:
         if math.isinf(history[at]):
             found |= {"least_margin": 1.0, "worst_time": when}
             return
-        driver, torque, speed = self.window.driver, self.torques[at], float(self.speeds[at])
+        driver, torque, flow = self.window.driver, self.torques[at], float(self.flows[at])
         if driver is not None:  # the one that puts in most then
             omega = self.window.of(self.window.run.pulleys.omega)[at]
             driver = int(np.argmin(torque * omega))
-        one = _found(self._state(driver, self.tensions[at], torque, speed, self.travels[at]), k)
+        one = _found(self._state(driver, self.tensions[at], torque, flow, self.travels[at]), k)
         if one is not None and (math.isfinite(one.factor) or "margin" in found):
             found |= {"least_margin": one.factor, "worst_time": when}
 
     def _state(
-        self, driver: int | None, tension: Array, torque: Array, speed: float, travel: Array
+        self, driver: int | None, tension: Array, torque: Array, flow: float, travel: Array
     ) -> Steady:
         if driver is None:  # it stands still: what holds it makes up for the rest
-            driver, speed = int(np.argmax(np.abs(torque))), 0.0
+            driver, flow = int(np.argmax(np.abs(torque))), 0.0
         return Steady(
             params=self.params,
             tension=tension,
             torque=torque,
-            speed=speed,
+            flow=flow,
             driver=driver,
             travel=travel,
             friction=self.mu,

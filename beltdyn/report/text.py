@@ -12,7 +12,7 @@ from ..base.tables import Table, wrapped
 from ..base.tables import html as html_of
 from ..drive.mounts import KINDS
 from . import digits
-from .columns import STILL, Layout, has_shares, made
+from .columns import ROUNDING, Layout, has_shares, made
 from .cycles import CLASSES
 from .digits import NONE, between, number, or_nan, placed, tension_off, within
 from .rows import RESIDUAL, PulleyRow, ReportData
@@ -23,7 +23,7 @@ MAX_UNEXPLAINED, NEGLIGIBLE_LOSS = 0.1, 1e-5
 #: Part of the speed lost from which on a negative share of friction is explained.
 LITTLE = 0.01
 #: Margins this near to each other are alike: losses on the way of the power are as large.
-TOGETHER = 1.01
+ALIKE = 1.01
 #: Links on a wrap from which on arcs and ratios are right to some percent.
 LINKS = 3.0
 
@@ -149,7 +149,7 @@ def slips(report: ReportData) -> list[str]:
     first = report.first_to_slip
     if first is None:
         return []
-    alike = [one for one in report.pulleys if one.least <= TOGETHER * first.least]
+    alike = [one for one in report.pulleys if one.least <= ALIKE * first.least]
     names = (
         [alike[0].name, f"{len(alike) - 1} others"] if len(alike) > 2 else [a.name for a in alike]
     )
@@ -286,7 +286,7 @@ def opening(report: ReportData) -> list[str]:
         told = f"; belt at {digits.belt_speed(report)} m/s"
     if report.driver and range_ is not None and range_.most - range_.least > abs(range_.mean):
         told = f"; belt at {range_.least:.3g} to {range_.most:.3g} m/s"
-    if (report.belt_speed or 0.0) < -STILL:
+    if (report.belt_speed or 0.0) < -ROUNDING:
         told += f" against the order of its {'cells' if cells(report) else 'links'}"
     if report.driver is not None:
         told += f", driven by {report.driver}"

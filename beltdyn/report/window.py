@@ -49,7 +49,7 @@ _HALVES = " from the first half of the window to the second"
 PASSINGS = 10.0
 #: A belt stands still that moves by less than this part of a link, or is slower than this share of
 #: the highest speed of its rims, or than errors of speeds leave, ``info["drag_speed"]``.
-STILL, STANDSTILL_SPEED = 0.1, 1e-3
+STANDSTILL_WAY, STANDSTILL_SPEED = 0.1, 1e-3
 
 
 @attrs.frozen(eq=False, kw_only=True)
@@ -203,7 +203,7 @@ class Window:
     def middles(self) -> Array | None:
         """Tension in the middle of each span (n_w, n_p) [N], NaN: no belt there; None: not kept."""
         run = self.run
-        places = "" if self.params._belt_facts["flows"] else "x y phi"
+        places = "" if self.params._flows else "x y phi"
         if self.missing(named(belt=places, joints="force")):
             return None
         return mid_span(self.params, run.belt, run.joints.force, self.rows)
@@ -216,12 +216,12 @@ class Window:
         if self.touching is None:
             return None
         belt, stretch = self.params.belt, float(self.mean(self.touching.stretch.mean(axis=1)))
-        return Span(belt, belt.axial_stiffness * (stretch - 1.0), self.touching.speed)
+        return Span(belt, belt.axial_stiffness * (stretch - 1.0), self.touching.flow)
 
     @functools.cached_property
     def pace(self) -> float:
-        """Mean of the magnitude of the belt's speed [m/s]."""
-        return 0.0 if self.touching is None else float(self.mean(np.abs(self.touching.speeds)))
+        """Mean of the magnitude of the belt's flow [m/s]."""
+        return 0.0 if self.touching is None else float(self.mean(np.abs(self.touching.flows)))
 
     @functools.cached_property
     def passing(self) -> float:
@@ -231,23 +231,23 @@ class Window:
         where so few pass that no mean can tell them apart, and of cells, which do not.
         """
         length = float(self.params.info["link_length"])
-        if self.params._belt_facts["flows"] or not self.pace * self.lasts > PASSINGS * length:
+        if self.params._flows or not self.pace * self.lasts > PASSINGS * length:
             return 0.0
         one = length / self.pace
         return one * max(1.0, math.ceil(4.0 * self.lasts / (self.t.size - 1) / one))
 
     @functools.cached_property
-    def speeds(self) -> Array:
-        """Speed of the belt, stress-free, without the ripple of links (n_w,) [m/s]."""
+    def flows(self) -> Array:
+        """Stress-free length that passes in a second, without the ripple of links (n_w,) [m/s]."""
         assert self.touching is not None
-        return self.smoothed(self.touching.speeds[:, None], self.passing)[:, 0]
+        return self.smoothed(self.touching.flows[:, None], self.passing)[:, 0]
 
     @property
     def reverses(self) -> bool:
         """Whether the belt's speed changes by more than its mean: no mean state exists."""
         assert self.touching is not None
-        change = float(np.nanmax(self.speeds) - np.nanmin(self.speeds))
-        return change > max(abs(self.touching.speed), float(self.params.info["drag_speed"]))
+        change = float(np.nanmax(self.flows) - np.nanmin(self.flows))
+        return change > max(abs(self.touching.flow), float(self.params.info["drag_speed"]))
 
     @functools.cached_property
     def driver(self) -> int | None:
@@ -264,7 +264,9 @@ class Window:
         least = max(STANDSTILL_SPEED * most, float(info["drag_speed"]))
         if not float(np.max(self.mean(np.abs(omega)) * radii)) > least:
             return None
-        moves = self.pace > least and self.pace * self.lasts > STILL * float(info["link_length"])
+        moves = self.pace > least and self.pace * self.lasts > STANDSTILL_WAY * float(
+            info["link_length"]
+        )
         if on is not None and not moves:
             return None
         if run._has("pulleys.torque"):
@@ -329,9 +331,9 @@ class Touching:
         self.stretch = stretch
         #: Stress-free length that passes in a second [m/s]: mean of the window, and at the samples
         #: (n_w,), in the order of the links.
-        self.speed, self.speeds = _speed(run, rows, weights, self.pulley, stretch)
+        self.flow, self.flows = _flow(run, rows, weights, self.pulley, stretch)
         if facts["flows"]:
-            radius = running_radius(params, params._radii[self.pulley], force, self.speeds[:, None])
+            radius = running_radius(params, params._radii[self.pulley], force, self.flows[:, None])
             chord = np.ones(1)
         else:
             axis = centers[np.arange(len(force))[:, None], np.maximum(self.pulley, 0)]
@@ -362,14 +364,14 @@ def _chord(half: Array, stretch: Array, facts: _core.BeltFacts) -> Array:
     return np.asarray(stretch * half / (angle + (stretch - 1.0) * half))
 
 
-def _speed(
+def _flow(
     run: Sampled, rows: slice, weights: Array, touched: NDArray[np.int32], stretch: Array
 ) -> tuple[float, Array]:
     """Return the stress-free length that passes in a second [m/s]: mean, and at the samples."""
     belt = run.belt
-    if run.params._belt_facts["flows"]:
-        speeds = belt.flow[rows]
-        return float(mean_over(weights, speeds)), speeds
+    if run.params._flows:
+        flows = belt.flow[rows]
+        return float(mean_over(weights, flows)), flows
     phi = belt.phi[rows]
     free = touched < 0
     if not free.any():

@@ -73,7 +73,7 @@ def _mesh(result: Result) -> Iterator[RunWarning]:
     params, error, seen = result.params, result.accuracy["span_mean"].space, result._running
     if error is None or seen is None:
         return sanity.of_mesh(params)
-    return sanity.of_mesh(params, error, seen.shaking, seen.speed)
+    return sanity.of_mesh(params, error, seen.shaking, seen.rim_speed)
 
 
 def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
@@ -190,7 +190,7 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
 def _near_limits(result: Result) -> Iterator[RunWarning]:
     """Warn of spans of an ALE belt that came near what it does not describe."""
     params, has = result.params, result._has
-    if not params._belt_facts["flows"]:
+    if not params._flows:
         return
     tension = result.span_tension if has("span_tension") else None
     flow = result.belt.flow if has("belt.flow") else None
@@ -210,7 +210,7 @@ def _squeals(result: Result) -> Iterator[RunWarning]:
     """Warn of friction that makes vibrations on the contact grow, which an ALE belt has none of."""
     params, has = result.params, result._has
     needed = ("contact.pulley", "contact.mu")
-    if not (params._belt_facts["flows"] and params.has_friction and all(map(has, needed))):
+    if not (params._flows and params.has_friction and all(map(has, needed))):
         return
     for one in squeals(params, result.t, result.contact.pulley, result.contact.mu):
         t, label = float(result.t[one.first]), params.label(one.pulley)
@@ -232,7 +232,7 @@ def hint(result: Result, rtol: float) -> tuple[str, ...]:
     """Return a note where an ALE belt would be much cheaper, and note what the run has shown."""
     params, stats, seen = result.params, result.stats, result._running
     time = float(result.t[-1] - result.t[0]) if result.t.size else 0.0
-    if seen is None or not time > 0.0 or params._belt_facts["flows"]:
+    if seen is None or not time > 0.0 or params._flows:
         return ()
     steps = stats.steps + stats.rejected
     times = cells.cheaper(params, max(0, steps - stats.nlu), stats.nlu, rtol, time)
@@ -240,10 +240,10 @@ def hint(result: Result, rtol: float) -> tuple[str, ...]:
         return ()
     if result._has("span_tension"):  # NaN where no link of a span is free
         tension = np.nan_to_num(result.span_tension, nan=params.info["strain_tension"])
-        limits = cells.seen(other, tension, np.full(result.t.size, seen.speed), None)
+        limits = cells.seen(other, tension, np.full(result.t.size, seen.rim_speed), None)
         if any(code == "near_slack" for code, *_ in limits):
             return ()
-    figures = times, cells.landings(params, seen.speed), steps / time
+    figures = times, cells.landings(params, seen.rim_speed), steps / time
     shown = [f"{rounded(one, None)[0]:g}" for one in figures]
     return (
         f'Belt(mesh="ale") would take some {shown[0]} times less CPU time: the belt flows through '

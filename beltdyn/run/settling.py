@@ -91,7 +91,7 @@ def settle(
     changes = {name: given[name] for name in fields if given[name] is not None}
     tensioning = attrs.evolve(params.tensioning, **changes).fitted(params.pulley_names)
     name = attrs.evolve(Tensioning(), **changes).beyond_cells()
-    if params._belt_facts["flows"] and name:
+    if params._flows and name:
         raise ValueError(
             f'{name} is none of a belt on the mesh "ale", which is laid at rest without friction: '
             'leave it out, or take Belt(mesh="joint")'

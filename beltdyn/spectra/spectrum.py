@@ -317,5 +317,5 @@ def speed_spectra(
         resolution=1.5 / length,
         limit=0.5 / step,
         belt=np.full(t.size, np.nan) if belt is None else np.abs(means(belt)),
-        n_bodies=0 if result.params._belt_facts["flows"] else result.params.n_bodies,
+        n_bodies=0 if result.params._flows else result.params.n_bodies,
     )

@@ -41,7 +41,7 @@ class Setting:
 
 def fewest(params: Params) -> int:
     """Return the least number of links that still lie round every pulley; of cells the least."""
-    if params._belt_facts["flows"]:
+    if params._flows:
         return CELLS * len(params.pulleys)
     radius = min(pulley.radius for pulley in params.pulleys)
     return max(8, math.ceil(_ROUND * params.info["length"] / (2.0 * math.pi * radius)))

@@ -231,7 +231,7 @@ class Verification:
 
     def _finer(self, n_bodies: int) -> float:
         """Return the refinement of a mesh of so many links; of cells, by those on pulleys."""
-        own, flows = self._params, self._params._belt_facts["flows"]
+        own, flows = self._params, self._params._flows
         spans = len(own.pulleys) if flows else 0
         if flows:
             n_bodies = with_links(own, n_bodies).n_bodies

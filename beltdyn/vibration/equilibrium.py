@@ -65,7 +65,7 @@ def _forces(
 ) -> list[tuple[float, str]]:
     """Return the unbalanced forces [N], each with what it acts on."""
     inertia = masses(params, core)
-    if params._belt_facts["flows"]:
+    if params._flows:
         what, left = "cell", inertia["v"] * abs(rate["v"])
     else:
         what, left = "link", inertia["vx"] * np.hypot(rate["vx"], rate["vy"])

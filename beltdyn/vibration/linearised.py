@@ -106,7 +106,7 @@ class Linear:
     @cached_property
     def spans(self) -> NDArray[np.intp]:
         """Span in which each link is free (n_b,), -1 on pulleys."""
-        flows = bool(self.params._belt_facts["flows"])
+        flows = self.params._flows
         seen = self.params._cells if flows else self.params._model.observe(self.state)["pulley"][0]
         span, on = np.full(seen.size, -1), np.flatnonzero(seen >= 0)
         free = (seen < 0) & (flows | (np.roll(seen, -1) < 0))
@@ -211,7 +211,7 @@ def linearise(
         unit=unit[inner],
         passing=passing,
         speed=speed,
-        trusted=cells.trusted(params, speed) if params._belt_facts["flows"] else np.inf,
+        trusted=cells.trusted(params, speed) if params._flows else np.inf,
         prescribed=prescribed,
         given=(theta, omega),
         torque_slopes=torque_slopes,
@@ -277,7 +277,7 @@ def masses(params: Params, core: Mapping[str, Any]) -> dict[str, Array]:
         "rim_speed": params.coupled_inertias,
         "travel_speed": np.array([one["inertia"] for one in params._model.mounts]),
     }
-    if params._belt_facts["flows"]:
+    if params._flows:
         m, each = np.asarray(core["m"]), np.size(core["p"]) // len(params.pulleys)
         nodes, spans = 0.5 * (m + np.roll(m, 1)), 0.5 * m[params._cells < 0]
         along = spans[: np.size(core["along"])]  # what waves along spans have their ends lack
@@ -290,7 +290,7 @@ def masses(params: Params, core: Mapping[str, Any]) -> dict[str, Array]:
 
 def speed_of(params: Params, core: Mapping[str, Any]) -> float:
     """Speed of the belt in the sense of its numbering [m/s], 0 if it stands still."""
-    if not params._belt_facts["flows"]:
+    if not params._flows:
         return passing_of(params, core) * float(params.info["link_length"])
     speed = float(np.mean(core["v"]))
     return speed if abs(speed) > STANDSTILL_SPEED * params._wave_speed else 0.0
@@ -298,7 +298,7 @@ def speed_of(params: Params, core: Mapping[str, Any]) -> float:
 
 def passing_of(params: Params, core: Mapping[str, Any]) -> float:
     """Links that pass a place per second, in the sense of their numbering; 0 for cells."""
-    if params._belt_facts["flows"]:
+    if params._flows:
         return 0.0
     dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
     along = (core["vx"] * dx + core["vy"] * dy) / (dx * dx + dy * dy) * 2.0

@@ -16,7 +16,7 @@ from .linearised import Complex
 from .participation import Participation
 
 #: Motions that decay without oscillating of which each has a line in print.
-STILL = 4
+LISTED = 4
 #: Estimated error of a frequency by the mesh from which on it is reported.
 MESHED = 0.01
 
@@ -154,10 +154,10 @@ class Modes:
         elif self.phases == 1 and self.mesh_error.any():
             most = percent(self.mesh_error.max())
             rows.append(f"  the phase of the mesh changes frequencies by {most} at most")
-        for rate, name in list(zip(self.decay, self.decay_names, strict=True))[:STILL]:
+        for rate, name in list(zip(self.decay, self.decay_names, strict=True))[:LISTED]:
             rows.append(f"  not oscillating: {name}, decays within {1.0 / rate:.3g} s")
-        if self.decay.size > STILL:
-            rows.append(f"  not oscillating: and {self.decay.size - STILL} more (modes.decay)")
+        if self.decay.size > LISTED:
+            rows.append(f"  not oscillating: and {self.decay.size - LISTED} more (modes.decay)")
         if self.turning is not None and self.turning.real > abs(self.turning.imag):
             rows.append(
                 f"  the whole drive turning grows e-fold within {1.0 / self.turning.real:.3g} s: "

@@ -101,10 +101,10 @@ def modes(
     """
     n, phases, count = integer("n", n, 1), integer("phases", phases, 1), flag("count", count)
     check_drive(params, state)
-    if params._belt_facts["flows"]:
+    if params._flows:
         phases = 1
     if n > params.n_bodies:
-        nodes = "cells" if params._belt_facts["flows"] else "links"
+        nodes = "cells" if params._flows else "links"
         raise ValueError(
             f"n must be at most {params.n_bodies}, the number of {nodes}, got {n}: modes beyond "
             f"have waves shorter than two {nodes}, which the mesh makes and no belt; more {nodes} "
@@ -292,7 +292,7 @@ def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
     """
     params = linear.params
     turned = abs(linear.field(found.vectors, "theta")) ** 2
-    if params._belt_facts["flows"]:
+    if params._flows:
         return np.zeros(turned.shape[1])
     one = state.tension(params).mean * float(params.info["link_length"]) / np.sqrt(12.0) * turned
     stiffness = np.sum(abs(parts.weighted(linear, found.vectors)) ** 2, axis=0)

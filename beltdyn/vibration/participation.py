@@ -67,7 +67,7 @@ def participation(linear: Linear, vectors: Complex) -> Participation:
 def _of_belt(linear: Linear, vectors: Complex, energy: Mapping[str, Array]) -> tuple[Array, Array]:
     """Return twice the kinetic energies of the belt (n,), and of it across its spans (n, n_p)."""
     n_p, n = len(linear.params.pulleys), vectors.shape[1]
-    if linear.params._belt_facts["flows"]:
+    if linear.params._flows:
         modes = energy["p"]
         across = modes.reshape(n, n_p, modes.shape[1] // n_p).sum(axis=2)
         along = energy["v"].sum(axis=1) + energy["along_speed"].sum(axis=1)
@@ -88,7 +88,7 @@ def moves(linear: Linear, vectors: Complex, rates: Any) -> tuple[Complex, Comple
     the axes of the pulleys across.
     """
     params = linear.params
-    if not params._belt_facts["flows"]:
+    if not params._flows:
         return linear.field(vectors, "x"), linear.field(vectors, "y")
     seen, cells = params._model.observe(linear.state), params._cells
     on = np.where(cells < 0, np.roll(cells, 1), cells)  # a span begins where a wrap ends
@@ -156,7 +156,7 @@ def _name(linear: Linear, vector: Complex, shares: Participation, k: int) -> str
 
 def _order(linear: Linear, vector: Complex, span: int) -> str:
     """Name the order of the shape of a span, as 1st."""
-    if linear.params._belt_facts["flows"]:
+    if linear.params._flows:
         shape = linear.field(vector, "a")[:, 0].reshape(len(linear.ways), -1)[span]
         order = 1 + int(np.argmax(abs(shape)))
     else:

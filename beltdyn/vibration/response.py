@@ -150,7 +150,7 @@ def frequency_response(
     torques[list(moments)] = list(moments.values())
     motions[list(moved)] = list(moved.values())
     mesh, resisted = None, 0.0
-    if not (linear.prescribed or linear.parts or params._belt_facts["flows"]):
+    if not (linear.prescribed or linear.parts or params._flows):
         mesh = mesh_stiffness(linear)
         resisted = np.nan if mesh is None else float(np.sqrt(abs(mesh[2])) / (2.0 * np.pi))
         if mesh is None:

@@ -27,7 +27,7 @@ def rigid_turning(linear: Linear) -> Array:
     way = {"theta": params.route.senses / params._radii}
     way["rim_speed"] = way["theta"][list(params.coupled)]
     way["omega"] = way["theta"]
-    if params._belt_facts["flows"]:
+    if params._flows:
         return _filled(linear, way | {"v": np.ones(np.size(core["v"]))})
     dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
     chord = np.hypot(dx, dy)
@@ -76,7 +76,7 @@ def without_turning(linear: Linear, found: Found) -> tuple[Found, complex | None
     It is the one that has most of the turning, at least 0.9 of its energy; none where a pulley's
     motion is prescribed, and none where set torques make more than half of its stiffness.
     """
-    if linear.prescribed or not found.values.size or linear.params._belt_facts["flows"]:
+    if linear.prescribed or not found.values.size or linear.params._flows:
         return found, None
     share = rigid_share(linear, found.vectors)
     k = int(np.argmax(share))
