@@ -250,6 +250,9 @@ def test_what_is_no_scene_and_no_drive(tmp_path: Path) -> None:
     scene = bd.scenes.kubas_case_1()._replace(torque_fn=lambda t, theta, omega: [0.0, 0.0])
     with pytest.raises(TypeError, match=r"^torque_fn must be made of torque objects"):
         scene.to_toml()
+    own = type("Fan", (bd.Load,), {})
+    with pytest.raises(TypeError, match=r"^Fan is no class that TOML files know"):
+        scene._replace(torque_fn=own(0)).to_toml()
 
 
 PLAIN = st.floats() | st.integers() | st.booleans() | st.text(max_size=4)

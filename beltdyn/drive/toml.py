@@ -185,6 +185,8 @@ def unstructure(value: Any) -> Any:
             return [unstructure(one) for one in value]
         return value.tolist() if isinstance(value, np.ndarray) else value
     cls: Any = type(value)
+    if isinstance(value, (Friction, Mount, Coupling, Torque)) and cls not in _KIND_OF:
+        raise TypeError(f"{cls.__name__} is no class that TOML files know")
     found = {"kind": _KIND_OF[cls]} if cls in _KIND_OF else {}
     for name in _kinds(cls):
         if (one := unstructure(getattr(value, name))) is not None:

@@ -144,7 +144,7 @@ def _texts(scene: Scene) -> tuple[str, bool, bool | None]:
         try:
             # the end of a scene is beyond 0, that of a run need not be
             return Scene(scene.params, torque, 1.0, motion).to_toml()
-        except (KeyError, TypeError):  # a function, or a class of the user's own
+        except TypeError:  # a function, or a class of the user's own
             return None
 
     nothing = Viscous(np.zeros(len(scene.params.pulleys)))
