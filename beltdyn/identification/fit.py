@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Self
 
 import attrs
 import numpy as np
 
-from ..base.checks import Array, flag, integer
+from ..base.checks import Array, between, flag, integer, one_of, pair, positive
 from ..base.described import suggesting
 from ..base.optional import optional_module
 from ..base.progress import counted
@@ -22,7 +22,6 @@ from . import linear
 from .experiment import Target
 from .findings import Identification, IdentificationInterrupted
 from .free import Free, Parameter, resolve
-from .options import Options
 from .trials import Rig, Trial
 
 #: Unknown standard deviations: first guess and least value, in parts of the target's rms, and the
@@ -36,6 +35,51 @@ _SPREAD_POINTS, _FAR = 4, math.log(2.0)
 _PROBES = (1.0, 2.0, 6.0, 20.0)
 #: Twice the logarithm of the likelihood by which a probe must be better to go on from there.
 _BETTER = 0.1
+
+
+def _checked(name: str, check: Callable[..., Any], *rule: Any) -> Any:
+    return attrs.field(converter=lambda value: check(name, value, *rule))
+
+
+@attrs.frozen(kw_only=True)
+class _Options:
+    """Arguments of :func:`beltdyn.identify`; of each prior index, coordinate and its deviation."""
+
+    confidence: float = _checked("confidence", between)
+    limit: float = _checked("limit", between, 1.0, math.inf)
+    jac: str = _checked("jac", one_of, ("3-point", "2-point"))
+    diff_step: float = _checked("diff_step", between)
+    tol: float = _checked("tol", positive)
+    max_nfev: int = _checked("max_nfev", integer, 1)
+    starts: int = _checked("starts", integer, 1)
+    mesh: bool = _checked("mesh", flag)
+    loss: str = _checked("loss", one_of, linear.LOSSES)
+    prior: tuple[tuple[int, float, float], ...]
+
+    @classmethod
+    def among(cls, given: Mapping[str, Any], parameters: Sequence[Parameter]) -> Self:
+        """Return those among the arguments, checked."""
+        named = {field.name: given[field.name] for field in attrs.fields(cls)}
+        return cls(**named | {"prior": _prior(parameters, given["prior"])})
+
+
+def _prior(
+    parameters: Sequence[Parameter], prior: Mapping[str, tuple[float, float]] | None
+) -> tuple[tuple[int, float, float], ...]:
+    names = [part.name for part in parameters]
+    rows = []
+    for name, given in (prior or {}).items():
+        if name not in names:
+            raise ValueError(f"prior {name!r} is not free; free are {', '.join(names)}")
+        part = parameters[names.index(name)]
+        value, std = pair(f"prior {name!r}", given, part.unit)
+        if std <= 0.0:
+            raise ValueError(f"prior {name!r}: the standard deviation must be > 0, got {std:g}")
+        if part.log and value <= 0.0:
+            raise ValueError(f"prior {name!r}: the value must be > 0, got {value:g}")
+        on_scale = std / (value if part.log else part.size)
+        rows.append((names.index(name), part.coordinate(value), on_scale))
+    return tuple(rows)
 
 
 @suggesting
@@ -139,7 +183,7 @@ def identify(
     least_squares = optional_module("scipy.optimize", "beltdyn.identify", "identify").least_squares
     check_params(params)
     parameters = resolve(params, free)
-    options = Options.among(given, parameters)
+    options = _Options.among(given, parameters)
     if workers is not None and executor is not None:
         raise ValueError("workers are threads, executor something else: give one of them")
     with (
@@ -182,7 +226,7 @@ class _Search:
         self,
         rig: Rig,
         parameters: tuple[Parameter, ...],
-        options: Options,
+        options: _Options,
         show: Callable[[int, int | None, str], None],
     ) -> None:
         self.rig = rig

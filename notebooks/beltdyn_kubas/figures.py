@@ -39,6 +39,7 @@ _GREY = "0.45"
 _DENSE = {"linestyle": "-", "linewidth": 0.7}
 _BLUE, _RED, _ORANGE = "#0072B2", "#D55E00", "#E69F00"
 _DARK_AND_LIGHT = (_BLUE, _ORANGE)
+_ELEMENT, _JOINT = "element {}", "joint left of element {}"
 
 
 class Size(NamedTuple):
@@ -189,26 +190,28 @@ def _pulley_lines(draw: Callable[..., Axes], panel: _Panel, result: bd.Result, *
     panel.ax.set_xlim(0.0, 1.0)
 
 
-def _element(link: int) -> str:
-    return f"element {link + 1}"
+def _over_time(
+    draw: Callable[..., Axes], panel: _Panel, case: int, label: str, *times: str, **how: Any
+) -> None:
+    """Draw a curve of the chosen element, which the label counts, and mark times of the paper."""
+    link = panel.links[case - 1]
+    label = label.format(link + 1)
+    draw(panel.runs[case - 1], link, ax=panel.ax, label=label, **panel.line, **how)
+    panel.ax.set_xlim(0.0, 1.0)
+    for name in times:
+        panel.marks.time(_Q[name])
 
 
-def _joint(link: int) -> str:
-    return f"joint left of element {link + 1}"
-
-
-def _at(name: str) -> float:
-    return _Q[name].paper
-
-
-def _mu_k(result: bd.Result) -> float:
-    return dahl(result).mu_k
+def _over_slip(panel: _Panel, case: int) -> None:
+    link = panel.links[case - 1]
+    look = panel.line | {"label": _ELEMENT.format(link + 1)}
+    bd.plot.friction_coefficient(panel.runs[case - 1], link, against="slip", ax=panel.ax, **look)
 
 
 def _mark_mu_k(panel: _Panel, result: bd.Result, *signs: int) -> None:
     for sign in signs:
         label = "$\\mu_k$" if sign > 0 else "$-\\mu_k$"
-        panel.marks.level(sign * _mu_k(result), label=label)
+        panel.marks.level(sign * dahl(result).mu_k, label=label)
 
 
 def _sign_1(panel: _Panel) -> float:
@@ -229,7 +232,7 @@ def _mark_text_torque(panel: _Panel, times: tuple[float, ...], signs: tuple[int,
 def _drive(panel: _Panel) -> None:
     """Fig. 5."""
     ax, result, links = panel.ax, panel.runs.case_1, panel.links
-    names = {f"case {case}: {_element(link)}": link for case, link in enumerate(links, start=1)}
+    names = {f"case {case}: element {link + 1}": link for case, link in enumerate(links, start=1)}
     bd.plot.drive(result, float(result.t[0]), colour=None, arcs=False, links=names, ax=ax)
     ax.set_title("")
     first, second = result.params.pulleys
@@ -272,24 +275,12 @@ def _speeds_1(panel: _Panel) -> None:
 
 def _deformation(panel: _Panel) -> None:
     """Fig. 8a."""
-    link = panel.links.case_1
-    bd.plot.joint_deformation(
-        panel.runs.case_1, link, ax=panel.ax, label=_joint(link), **panel.line
-    )
-    _mark_passage(panel)
+    _over_time(bd.plot.joint_deformation, panel, 1, _JOINT, "arrival", "departure")
 
 
 def _force_1(panel: _Panel) -> None:
     """Fig. 8b."""
-    link = panel.links.case_1
-    bd.plot.joint_force(panel.runs.case_1, link, ax=panel.ax, label=_joint(link), **panel.line)
-    _mark_passage(panel)
-
-
-def _mark_passage(panel: _Panel) -> None:
-    panel.ax.set_xlim(0.0, 1.0)
-    panel.marks.time(_Q["arrival"])
-    panel.marks.time(_Q["departure"])
+    _over_time(bd.plot.joint_force, panel, 1, _JOINT, "arrival", "departure")
 
 
 def _along(panel: _Panel) -> None:
@@ -316,14 +307,9 @@ def _along(panel: _Panel) -> None:
 
 def _normal_1(panel: _Panel) -> None:
     """Fig. 10a."""
-    link = panel.links.case_1
-    bd.plot.contact_forces(
-        panel.runs.case_1, link, which="normal", ax=panel.ax, label="normal force N", **panel.line
-    )
+    times = ("lost", "regained", "equal")
+    _over_time(bd.plot.contact_forces, panel, 1, "normal force N", *times, which="normal")
     panel.ax.set_ylabel("normal force [N]")
-    panel.ax.set_xlim(0.0, 1.0)
-    for name in ("lost", "regained", "equal"):
-        panel.marks.time(_Q[name])
 
 
 def _friction_1(panel: _Panel) -> None:
@@ -347,33 +333,24 @@ def _friction_1(panel: _Panel) -> None:
 
 def _mu_time_1(panel: _Panel) -> None:
     """Fig. 11a."""
-    result, link, sign = panel.runs.case_1, panel.links.case_1, _sign_1(panel)
-    bd.plot.friction_coefficient(result, link, ax=panel.ax, label=_element(link), **panel.line)
-    panel.ax.set_xlim(0.0, 1.0)
-    for name in ("arrival", "lost", "regained", "full", "departure"):
-        panel.marks.time(_Q[name])
-    panel.marks.value(_Q["peak"], sign=sign, span=(_at("arrival"), _at("lost")))
-    _mark_mu_k(panel, result, int(sign))
+    times, sign = ("arrival", "lost", "regained", "full", "departure"), _sign_1(panel)
+    _over_time(bd.plot.friction_coefficient, panel, 1, _ELEMENT, *times)
+    panel.marks.value(_Q["peak"], sign=sign, span=(_Q["arrival"].paper, _Q["lost"].paper))
+    _mark_mu_k(panel, panel.runs.case_1, int(sign))
 
 
 def _mu_slip_1(panel: _Panel) -> None:
     """Fig. 11b."""
-    result, link, sign = panel.runs.case_1, panel.links.case_1, _sign_1(panel)
-    bd.plot.friction_coefficient(
-        result, link, against="slip", ax=panel.ax, label=_element(link), **panel.line
-    )
+    sign = _sign_1(panel)
+    _over_slip(panel, 1)
     panel.marks.value(_Q["peak"], sign=sign)
-    _mark_mu_k(panel, result, int(sign))
+    _mark_mu_k(panel, panel.runs.case_1, int(sign))
 
 
 def _velocity(panel: _Panel) -> None:
     """Fig. 12: the paper states no number, only that the direction changes."""
-    link = panel.links.case_1
-    bd.plot.relative_velocity(
-        panel.runs.case_1, link, ax=panel.ax, label=_element(link), **panel.line
-    )
+    _over_time(bd.plot.relative_velocity, panel, 1, _ELEMENT)
     panel.ax.axhline(0.0, color=_GREY, lw=0.8, zorder=1.0)
-    panel.ax.set_xlim(0.0, 1.0)
 
 
 # --- case 2 --------------------------------------------------------------------------------------
@@ -409,8 +386,7 @@ def _mark_differences(panel: _Panel, result: bd.Result) -> None:
 def _force_2(panel: _Panel) -> None:
     """Fig. 15."""
     result, link = panel.runs.case_2, panel.links.case_2
-    bd.plot.joint_force(result, link, ax=panel.ax, label=_joint(link), **panel.line)
-    panel.ax.set_xlim(0.0, 1.0)
+    _over_time(bd.plot.joint_force, panel, 2, _JOINT)
     force = result.joints.force[:, link]
     places = {
         "start": 0.0, "minimum": result.t[force.argmin()],
@@ -424,10 +400,7 @@ def _forces_2(panel: _Panel) -> None:
     """Fig. 16."""
     result, link = panel.runs.case_2, panel.links.case_2
     for force in ("normal", "friction"):
-        bd.plot.contact_forces(
-            result, link, which=force, ax=panel.ax, label=f"{force} force", **panel.line
-        )
-    panel.ax.set_xlim(0.0, 1.0)
+        _over_time(bd.plot.contact_forces, panel, 2, f"{force} force", which=force)
     friction = result.contact.friction[:, link]
     top = int(np.abs(friction).argmax())
     place = float(result.t[top])
@@ -440,24 +413,18 @@ def _forces_2(panel: _Panel) -> None:
 
 def _mu_time_2(panel: _Panel) -> None:
     """Fig. 17a."""
-    result, link = panel.runs.case_2, panel.links.case_2
-    bd.plot.friction_coefficient(result, link, ax=panel.ax, label=_element(link), **panel.line)
-    panel.ax.set_xlim(0.0, 1.0)
-    for name in ("negative_from", "negative_to", "positive_from", "positive_to"):
-        panel.marks.time(_Q[name])
-    _mark_mu_k(panel, result, -1, 1)
+    times = ("negative_from", "negative_to", "positive_from", "positive_to")
+    _over_time(bd.plot.friction_coefficient, panel, 2, _ELEMENT, *times)
+    _mark_mu_k(panel, panel.runs.case_2, -1, 1)
 
 
 def _mu_slip_2(panel: _Panel) -> None:
     """Fig. 17b."""
-    result, link = panel.runs.case_2, panel.links.case_2
-    bd.plot.friction_coefficient(
-        result, link, against="slip", ax=panel.ax, label=_element(link), **panel.line
-    )
+    _over_slip(panel, 2)
     extreme, back = _Q["extreme"], _Q["return"]
     panel.marks.at(extreme.paper, extreme.scale)
     panel.marks.at(extreme.paper + back.paper, back.scale)
-    _mark_mu_k(panel, result, -1, 1)
+    _mark_mu_k(panel, panel.runs.case_2, -1, 1)
 
 
 def _two_sigmas(panel: _Panel) -> None:
