@@ -154,7 +154,7 @@ def serpentine_at(rpm: float) -> History:
     speed = -rpm * math.pi / 30.0
     mean = bd.PiecewiseLinear([0.0, 1.0], [speed, speed])
     crank = attrs.evolve(scene.motion["crank"], speed=mean)
-    return History(scene.params, scene.torque_fn, scene.t_end, {"crank": crank}, speed, 720, 1e-3)
+    return History(scene.params, scene.torque_fn, scene.t_end, {"crank": crank}, speed, 1440, 1e-3)
 
 
 def crossed() -> History:
