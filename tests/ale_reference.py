@@ -650,7 +650,7 @@ class Ale(Mesh):
         works[..., 2] += lost[0]
         works[..., 7] += lost[1]
         if self.n_along:
-            works[..., 1] += (self.along_spring[1] * d_along**2).sum(axis=-1)
+            works[..., 1] += (self.wave_along(geo)[2] * d_along**2).sum(axis=-1)
         works[..., 3] = (force * slip).sum(axis=(-1, -2))
         works[..., 4] = (resists * (omega - carrier)).sum(axis=-1)
         parts = (
@@ -665,11 +665,18 @@ class Ale(Mesh):
         """
         if not self.n_along:
             return self.get(y, "along"), self.get(y, "along"), np.zeros(self.n_p), 0.0
-        v, share, mass = self.get(y, "v"), 2.0 / math.pi, self.along_mass
-        (spring, damper), size = self.along_spring, self.get(y, "along")
+        v, share, size = self.get(y, "v"), 2.0 / math.pi, self.get(y, "along")
+        mass, spring, damper = self.wave_along(geo)
         rate = self.get(y, "along_speed") - share * (v[..., self.spans] + v[..., self.ends])
         pull = spring * size + damper * rate - share * mass * dot(self.g, geo.e)
-        return rate, -pull / (0.5 * mass), share * pull, 0.5 * mass * share**2
+        grows = geo.span_rate / geo.span * rate
+        return rate, -pull / (0.5 * mass) - grows, share * pull, 0.5 * mass * share**2
+
+    def wave_along(self, geo: Geometry) -> tuple[Array, Array, Array]:
+        """Mass, spring and damper of waves along spans. [5]"""
+        per_length = math.pi**2 / (2.0 * geo.span)
+        mass = self.linear_density * geo.span / (1.0 + self.h_0 / self.axial_stiffness)
+        return mass, self.axial_stiffness * per_length, self.axial_damping * per_length
 
     def shortens(self, y: Array, geo: Geometry, ax: Axial, ab: Array) -> Array:
         """What waves pull along their spans, for they are longer then. [7]"""
@@ -871,8 +878,9 @@ class Ale(Mesh):
         if self.n_along:
             size, speed = self.get(y, "along"), self.get(y, "along_speed")
             with_ends = 2.0 / math.pi * (v[..., spans] + v[..., self.ends])
-            kinetic = kinetic + 0.25 * (self.along_mass * (speed**2 - with_ends**2)).sum(axis=-1)
-            stored = 0.5 * (self.along_spring[0] * size**2).sum(axis=-1)
+            mass, spring, _ = self.wave_along(geo)
+            kinetic = kinetic + 0.25 * (mass * (speed**2 - with_ends**2)).sum(axis=-1)
+            stored = 0.5 * (spring * size**2).sum(axis=-1)
             elastic = np.concatenate((elastic, stored[..., None]), axis=-1)
         omega = self.get(y, "omega")
         found = {

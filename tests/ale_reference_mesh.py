@@ -274,10 +274,6 @@ class Mesh:
         put("bend", cubics)
         k = self.s * self.moment
         put("tilt", k - np.roll(k, -1))  # o H
-        # waves along spans: their mass, spring and damper
-        put("along_mass", self.linear_density * length / (1.0 + self.h_0 / self.axial_stiffness))
-        per_length = math.pi**2 / (2.0 * length)
-        put("along_spring", (self.axial_stiffness * per_length, self.axial_damping * per_length))
 
     def pressed(self, sink: Array) -> Array:
         """Energy of the contact per metre of stress-free belt."""

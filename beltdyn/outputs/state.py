@@ -127,7 +127,8 @@ class State:
     given; of what a drive does not have arrays are empty: ``x`` to ``vphi`` are of links, ``m``,
     ``v``, ``a`` and ``p`` of the cells and spans of an ALE belt (``Belt(mesh="ale")``), in the
     order of the belt: the span behind pulley 0, the arc of pulley 1, and so on; ``along`` and
-    ``along_speed`` of one whose spans weigh as much as its pulleys resist (MODEL section 11.5).
+    ``along_speed`` of one whose spans weigh as much as its pulleys resist (MODEL section 11.5), of
+    which a state with none can be the start, too.
     Across joint 0, between the last link and the first, ``phi`` differs by a whole turn (MODEL
     section 1).
 
@@ -201,7 +202,7 @@ class State:
         for name, size in SIZES.items():
             shape, of_rows = getattr(self, name).shape, size in ROWS and size not in lacks
             expected = (int(params.info["n_bodies"]) if of_rows else sizes[size],)
-            if shape[-1:] != expected:
+            if shape[-1:] != expected and not (size == "ALONG" and 0 in shape + expected):
                 raise ValueError(f"{argument}.{name} must have shape {expected}, got {shape}")
         for k, windup in zip(params.coupled, self.windup, strict=True):
             if isinstance(params.pulleys[k].coupling, OverrunningClutch) and windup < -1e-9:
@@ -268,12 +269,27 @@ class State:
                 fields[name] = fields[name].reshape(-1, n_bodies)
         return cls(**{"t": state["t"], **fields, **changes})
 
+    def _with_waves(self, params: Params) -> State:
+        """Return the state with waves along spans if the drive has them: with none of their own.
+
+        A neighbouring drive, whose pulleys are lighter or heavier, may have none, or have them.
+        """
+        if self.along.size == params.info["n_along"]:
+            return self
+        along = speed = np.empty(0)
+        if not self.along.size:
+            spans = np.flatnonzero(params._cells < 0)
+            speed = 2.0 / np.pi * (self.v[spans] + self.v[spans + 1])
+            along = np.zeros_like(speed)
+        return attrs.evolve(self, along=along, along_speed=speed)
+
     def _to_core(self, params: Params) -> dict[str, Any]:
+        own = self._with_waves(params)
         slots, states = int(params.info["n_slots"]), int(params.info["n_states"])
         counts = {"SLOTS": slots, "STATES": slots * states}
 
         def flat(name: str, size: str) -> Array:
-            value: Array = getattr(self, name)
+            value: Array = getattr(own, name)
             count = counts.get(size, 1)
             if count == 0:
                 return np.empty(0)

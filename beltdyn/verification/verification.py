@@ -285,6 +285,7 @@ def _as_settled(initial: State, params: Params, other: Params, settle: Settle) -
     """Return the state on another mesh, if it is one that settling gives there as well."""
     # Links have positions of their own, to within the depth of the contact; a state that is moved
     # to other links would begin with a shock.
+    initial = initial._with_waves(params)
     still = not any(getattr(initial, name).any() for name in SPEEDS)
     speeds = {0: float(initial.omega[0])}
     ways: tuple[Callable[[Params], State], ...] = (

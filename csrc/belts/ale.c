@@ -247,14 +247,6 @@ static void make_arc(bd_ale *ale, const bd_ale_drive *drive, int j, int begin) {
   }
 }
 
-/* A sine wave along a span, by its length at rest. */
-static void lay_along(const bd_ale *ale, bd_ale_span *span) {
-  const double mass = ale->density * span->length / (1.0 + ale->rest / ale->axial);
-  span->along_inertia = 0.5 * mass * BD_ALE_SHARE * BD_ALE_SHARE;
-  span->along_stiffness = BD_PI / span->length * ale->axial;
-  span->along_damping = BD_PI / span->length * ale->axial_damping;
-}
-
 void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
   ale->direction = drive->direction;
   ale->density = drive->linear_density;
@@ -296,9 +288,6 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
     span->rolls[1] = -to->side * to->radius;
     lay_table(ale, i, (bd_ale_table *)span->table);
     bd_ale_hold_waves(ale, span, ale->rest);
-    if (ale->along) {
-      lay_along(ale, span);
-    }
   }
 }
 

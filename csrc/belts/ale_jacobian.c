@@ -240,7 +240,8 @@ static double by_along(const bd_ale_span *span, int c, double *to) {
   const double force =
       span->along_damping * rate + (c == BD_ALE_ALONG ? span->along_stiffness : 0.0);
   to[BD_ALE_ALONG] = rate;
-  to[BD_ALE_ALONG + 1] = -BD_ALE_SHARE / span->along_inertia * force;
+  to[BD_ALE_ALONG + 1] =
+      -BD_ALE_SHARE / span->along_inertia * force - span->length_rate / span->length * rate;
   return force;
 }
 

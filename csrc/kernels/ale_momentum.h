@@ -173,7 +173,8 @@ INLINE void carry_speed(bd_ale *ale, const bd_ale_state *y, int j) {
   ale->carried_n[last] = through * (ale->across[after] - ale->across[last]);
 }
 
-/* A wave along a span, of whose rate its own speed is that less what both ends have of it. */
+/* A wave along a span, of whose rate its own speed is that less what both ends have of it; belt by
+ * which the span grows longer has none of it. */
 INLINE void ring_along(const bd_ale *ale, bd_ale_span *span, const bd_ale_state *y,
                        const bd_ale_state *dy, int i, double ends) {
   if (ale->along) {
@@ -181,7 +182,8 @@ INLINE void ring_along(const bd_ale *ale, bd_ale_span *span, const bd_ale_state 
     span->along_rate = dy->along[i] = rate;
     span->along_force = span->along_stiffness * y->along[i] + span->along_damping * rate -
                         bd_ale_hung_along(ale, span);
-    dy->along_speed[i] = -BD_ALE_SHARE / span->along_inertia * span->along_force;
+    dy->along_speed[i] = -BD_ALE_SHARE / span->along_inertia * span->along_force -
+                         span->length_rate / span->length * rate;
   }
 }
 

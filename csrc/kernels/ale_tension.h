@@ -12,6 +12,14 @@ INLINE void note_axis(const bd_ale_axis *axis, double placed[4], int *is_new) {
   memcpy(placed, at, sizeof at);
 }
 
+/* A sine wave along a span, of the stretch at rest. */
+INLINE void place_along(const bd_ale *ale, bd_ale_span *span) {
+  const double mass = ale->density * span->length / (1.0 + ale->rest / ale->axial);
+  span->along_inertia = 0.5 * mass * BD_ALE_SHARE * BD_ALE_SHARE;
+  span->along_stiffness = BD_PI / span->length * ale->axial;
+  span->along_damping = BD_PI / span->length * ale->axial_damping;
+}
+
 /* If an axis has moved. */
 INLINE void place_span(bd_ale *ale, int i) {
   bd_ale_span *span = &ale->spans[i];
@@ -43,6 +51,9 @@ INLINE void place_span(bd_ale *ale, int i) {
         0.5 * ale->bending * wave * (span->curvature[0] - sign * span->curvature[1]);
     span->offset[n] = moment / (0.5 * length * ale->rest * wave * wave);
     span->moved[n] = ale->parts[0][n] * first + ale->parts[1][n] * last;
+  }
+  if (ale->along) {
+    place_along(ale, span);
   }
 }
 
