@@ -49,7 +49,7 @@ MOVED = {
     "identification.report": "identification.findings",
     "plot.accuracy": "accuracy.study_figures",
     "plot.figures": "plot.belt",
-    "plot.friction": "plot.contact",
+    "plot.friction": "plot.history",
     "plot.modes": "plot.mode_shapes",
     "plot.places": "plot.belt",
     "plot.spectrum": "plot.spectrum_lines",

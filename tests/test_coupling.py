@@ -194,7 +194,7 @@ def test_modes_are_those_of_two_inertias_and_of_a_clutch_as_it_stands() -> None:
     assert abs(found.eigenvalue[k]) == pytest.approx(rate, rel=1e-6)
     assert found.damping[k] == pytest.approx(0.5 * DAMPING / inertia / rate, rel=1e-5)
     assert found.participation.pulleys[k, 1] == pytest.approx(1.0, abs=1e-6)
-    assert "rotation of hub of pulley 1" in found.names[k]
+    assert found.names[k] == "rotation of rim of pulley 1 against hub of pulley 1"
     for wound, there in ((0.01, True), (0.0, False)):
         params = two(DECOUPLER, friction=None)
         state = turning(params, 0.1 if not there else 0.0, 0.0, wound)

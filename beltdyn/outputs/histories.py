@@ -24,10 +24,6 @@ from .quantity import LEDGER, QUANTITIES
 _Kind = TypeVar("_Kind", bound="Group")
 #: Groups by the name that they have in a result, in the order of files.
 GROUPS: dict[str, type[Group]] = {}
-#: Group, name and size of every history but the ledger's.
-ROWS = tuple(
-    (row.group, row.field, row.size) for row in QUANTITIES.values() if row.group not in ("", LEDGER)
-)
 
 
 class Group:
@@ -82,10 +78,8 @@ def _group(name: str) -> Callable[[type[_Kind]], type[_Kind]]:
 
 def absent(output: str, before: str = "") -> str:
     """Name the meshes that lack an output, such as "contact.slip"; "" if none does."""
-    sizes = {f"{group}.{name}": size for group, name, size in ROWS}
-    without = dict.fromkeys(
-        f'"{row["mesh"]}"' for row in _core.BELTS if sizes.get(output) in row["lacks"]
-    )
+    size = QUANTITIES[output].size if output in QUANTITIES else ""
+    without = dict.fromkeys(f'"{row["mesh"]}"' for row in _core.BELTS if size in row["lacks"])
     return f"{before}belts on the mesh {' or '.join(without)} have none" if without else ""
 
 
@@ -232,7 +226,7 @@ class EnergyLedger(Group):
     coupling: Array | None
     coupling_loss: Array | None
 
-    def __init__(self, **terms: Any) -> None:  # of a run that was not asked for it there are none
+    def __init__(self, **terms: Any) -> None:  # none: the run was not asked for it
         super().__init__(**dict.fromkeys(self.array_names() if terms else ()) | terms)
 
     @property
@@ -341,7 +335,7 @@ class Stats:
 
 def absent_groups(params: Any) -> set[str]:
     """Return the groups that a drive does not have."""
-    return {group for group, _, size in ROWS if params._having.get(size) == ()}
+    return {row.group for row in QUANTITIES.values() if params._having.get(row.size) == ()}
 
 
 def shape_of(size: str, params: Any) -> tuple[int, ...]:

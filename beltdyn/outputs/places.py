@@ -165,7 +165,7 @@ def along(run: Sampled, name: str, places: Array | None, rows: Any = ALL) -> Alo
 
 def _of_links(run: Sampled, name: str, values: Array, s: Array, rows: NDArray[np.intp]) -> Array:
     """Interpolate a history of joints or links, at these samples of a run."""
-    params, belt, travel = run.params, run.belt, run.travel
+    params, belt, travel = run.params, run.belt, run._travel
     radii, found = params._radii, np.empty((rows.size, s.size))
     edges = line_edges(params.route, radii)
     size = max(1, _BLOCK // (2 * radii.size * params.n_bodies))
@@ -242,7 +242,7 @@ def momentum_flux(run: Sampled) -> Array:
         flow = speed / Span(params.belt, mean).stretch
     tension = np.where(np.isnan(run.span_tension), mean[:, None], run.span_tension)
     pull = Span(params.belt, tension, flow[:, None]).centrifugal
-    return force_on_pulleys(routes(params, run.travel)[0], pull)
+    return force_on_pulleys(routes(params, run._travel)[0], pull)
 
 
 def force_on_pulleys(lines: list[Route], pull: Array) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 
 import attrs
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.checks import Array
 from ..base.run_warnings import RunWarning
@@ -17,6 +18,7 @@ from ..drive.params import Params
 from .accuracy_report import SPACE_FLOOR, TENSIONS, WORDS, Accuracy, QuantityError
 from .averages import LAST, time_weights
 from .histories import (
+    GROUPS,
     BeltHistory,
     ContactHistory,
     CouplingHistory,
@@ -27,6 +29,7 @@ from .histories import (
     SpanHistory,
     Stats,
 )
+from .quantity import SPANS
 from .selection import has, lacking
 from .spans import span_tension
 from .state import State
@@ -58,17 +61,13 @@ class Sampled:
     outputs: tuple[str, ...] | None = None
     #: None of one read from a file, which has the accuracy that follows from it.
     _running: Running | None = None
-    accuracy: Accuracy = attrs.field()
+    accuracy: Accuracy = attrs.Factory(lambda run: known(run), takes_self=True)
     #: Of a run asked for these, and not for the forces of all joints.
     _sampled_spans: Array | None = None
 
     def __attrs_post_init__(self) -> None:
         pulleys = PulleyHistory(**self.pulleys.arrays(), names=self.params.pulley_names)
         object.__setattr__(self, "pulleys", pulleys)
-
-    @accuracy.default
-    def _known(self) -> Accuracy:
-        return known(self)
 
     @cached_property
     def span_tension(self) -> Array:
@@ -104,8 +103,22 @@ class Sampled:
     def _lacking(self) -> frozenset[str]:
         return lacking(self.params)
 
+    def _histories(self) -> dict[str, NDArray[Any]]:
+        """Return the arrays of all groups by their dotted names."""
+        return {
+            f"{name}.{field}": array
+            for name in GROUPS
+            if (group := getattr(self, name)) is not None
+            for field, array in group.arrays().items()
+        }
+
+    def _arrays(self) -> dict[str, NDArray[Any]]:
+        """Return all histories by their dotted names."""
+        spans = {SPANS: self.span_tension} if self._has(SPANS) else {}
+        return self._histories() | spans
+
     @property
-    def travel(self) -> Array | None:
+    def _travel(self) -> Array | None:
         """Travels of the mounts (n_t, n_m) [rad or m]; None in a drive without."""
         return None if self.mounts is None else self.mounts.travel
 

@@ -6,8 +6,8 @@ from collections.abc import Collection
 from typing import Any
 
 from .. import _core
-from .histories import GROUPS, ROWS, absent
-from .quantity import LEDGER, SPANS
+from .histories import GROUPS, absent
+from .quantity import LEDGER, QUANTITIES, SPANS
 
 #: An integral of an output.
 PASSED = "passed"
@@ -68,7 +68,7 @@ def chosen(outputs: object, ledger: bool, lacks: Collection[str] = ()) -> tuple[
 def lacking(params: Any) -> frozenset[str]:
     """Return the outputs, as "contact.slip", that the belt of a drive does not have."""
     sizes = params._belt_facts["lacks"]
-    return frozenset(f"{group}.{name}" for group, name, size in ROWS if size in sizes)
+    return frozenset(name for name, row in QUANTITIES.items() if row.size in sizes)
 
 
 def of_belt(names: Collection[str] | None, params: Any) -> tuple[str, ...] | None:

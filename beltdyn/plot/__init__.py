@@ -43,12 +43,14 @@ except ImportError:
 
 from .animation import Animation, animate
 from .belt import drive, force_along_belt, overview, tension_along
-from .contact import contact_forces, friction_coefficient, relative_velocity
 from .history import (
     arcs,
+    contact_forces,
     energy,
+    friction_coefficient,
     joint_deformation,
     joint_force,
+    relative_velocity,
     span_tensions,
     speeds,
     torques,

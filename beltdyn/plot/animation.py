@@ -32,9 +32,8 @@ from ..base.checks import positive
 from ..result.result import Result
 from . import style
 from .history import span_tensions, speeds
-from .panel import draws
+from .panel import Indices, choice, draws
 from .picture import DrivePicture
-from .select import Indices, choice
 
 #: Endings of files an animation can be written to.
 ENDINGS = ("gif", "mp4", "html")

@@ -16,9 +16,8 @@ from ..result.result import Result
 from . import style
 from .history import span_tensions, speeds
 from .labels import rows_of_names
-from .panel import draws, lines
+from .panel import Indices, draws, lines, runs, sample
 from .picture import DrivePicture
-from .select import Indices, runs, sample
 
 #: Places to a link: joints are met where they are, and between them forces are interpolated.
 _PER_LINK = 4

@@ -19,8 +19,7 @@ from . import style
 from .animation import Animation
 from .labels import draw_name, place_names
 from .mounting import MountPicture, draw_pulley
-from .panel import draws
-from .select import choice, pulley_indices
+from .panel import choice, draws, pulley_indices
 
 #: Largest displacement drawn, against the size of the drive; and largest turning drawn [rad].
 _LARGEST, _TURN = 0.045, 0.6

@@ -24,7 +24,7 @@ from ..result.result import Result
 from . import style
 from .labels import draw_name, per_unit, place_names
 from .mounting import MountPicture, draw_pulley
-from .select import Indices, choice, named_links, runs
+from .panel import Indices, choice, named_links, runs
 
 _MAPS = {"tension": "viridis", "friction": "PuOr_r"}
 _LABELS = {

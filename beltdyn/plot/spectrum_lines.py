@@ -28,7 +28,7 @@ _MARKERS = "osD^vP"
 _PASSINGS, _ORDERS = 3, (1, 2, 4, 6, 8)
 #: Range of the colours of a Campbell diagram, from the largest amplitude down.
 _DECADES = 2.0
-#: Fewest slices of time of a Campbell diagram.
+#: Fewest slices of time of a diagram.
 _SLICES = 3
 
 
@@ -78,9 +78,8 @@ def spectrum(
         AttributeError: The run was not asked for this output.
     """
     high = None if up_to is None else positive("up_to", up_to, "Hz")
-    found = spectrum_of(
-        result, output, last=last, span=span, pulley=pulley, joint=joint, link=link, mount=mount
-    )
+    where: Any = {"span": span, "pulley": pulley, "joint": joint, "link": link, "mount": mount}
+    found = spectrum_of(result, output, last=last, **where)
     named = found.lines(count)
     ax = style.axes(ax)
     lines(ax, [(0, style.plain(found.label), found.frequency, found.amplitude)], line)
@@ -199,17 +198,8 @@ def campbell(
     ends = None if limits is None else _ends(limits)
     index = index_of("over", over, result.params.pulley_names)
     frequencies = _entries(modes, index)
-    found = speed_spectra(
-        result,
-        output,
-        over=over,
-        window=window,
-        span=span,
-        pulley=pulley,
-        joint=joint,
-        link=link,
-        mount=mount,
-    )
+    where: Any = {"span": span, "pulley": pulley, "joint": joint, "link": link, "mount": mount}
+    found = speed_spectra(result, output, over=over, window=window, **where)
     name = result.params.pulley_names[index]
     _check_speeds(result, found, index)
     speed, amplitude = _by_speed(found)

@@ -1,4 +1,4 @@
-"""Hub loads from the pull of the spans, without the forces of single links that land."""
+"""Hub loads from the pull of the spans, without single links that land; what acts on mounts."""
 
 from __future__ import annotations
 
@@ -8,13 +8,20 @@ from typing import Any
 import numpy as np
 
 from ..base.checks import Array
+from ..drive.mounts import Sprung
 from ..drive.span import Span
 from ..outputs.orders import belt_turning
 from ..outputs.places import force_on_pulleys, routes
+from .rows import MountRow, Spread
+from .span_rows import line_of
 from .window import Window
 
 #: Share of the tension at rest: a force below it is rounding, and has no direction.
 NEGLIGIBLE_FORCE = 1e-6
+#: Least amplitude of a line in the travel, of a turn of one radian or of the pulley's radius: below
+#: it is what rounding and tolerances leave.
+MIN_AMPLITUDE = 1e-6
+_FORCES = ("spring", "damper", "friction", "stop", "belt")
 
 
 def hub_statics(window: Window) -> Array | None:
@@ -57,3 +64,57 @@ def hub_load(window: Window, statics: Array | None, k: int) -> dict[str, Any]:
 def by_spans(statics: Array | None, k: int) -> bool:
     """Whether the hub load of a pulley is known from its spans."""
     return statics is not None and not np.isnan(statics[:, k]).any()
+
+
+# --- Arms, sliders and paths ----------------------------------------------------------------------
+
+
+def mount_rows(window: Window, statics: Array | None) -> list[MountRow]:
+    """Return the rows; note what is missing in them."""
+    params = window.params
+    if not params.mounted:
+        return []
+    window.lacks("mounts", "mounts.travel", *(f"mounts.{force}_force" for force in _FORCES))
+    rows = []
+    for m, k in enumerate(params.mounted):
+        mount, name = params.effective_pulleys[k].mount, params.pulley_names[k]
+        assert mount is not None
+        row: dict[str, Any] = {"name": name, "kind": mount._row.name}
+        if window.travels is not None:
+            travel = window.travels[:, m]
+            if not isinstance(mount, Sprung):
+                drawn = np.array(params.pulleys[k].center)
+                travel = np.hypot(*(window.centers[:, k] - drawn).T)
+            elif mount.stops is not None:
+                low, high = mount.stops
+                row["to_stop"] = window.spread(np.minimum(travel - low, high - travel))
+            row["travel"] = window.spread(travel)
+            least = MIN_AMPLITUDE * (1.0 if mount._row.angle else params.pulleys[k].radius)
+            row |= line_of(window, travel, least)
+        if isinstance(mount, Sprung):
+            there = (
+                mount.stiffness or mount.spring_force or mount._hung,
+                mount.damping,
+                mount.friction,
+                mount.stops is not None,
+                True,
+            )
+            for force, has in zip(_FORCES, there, strict=True):
+                samples = window.column(f"mounts.{force}_force", m) if has else None
+                if samples is not None:
+                    row[force] = window.spread(samples)
+            if "belt" in row and window.travels is not None and statics is not None:
+                along = mount._directions(window.centers[:, k])
+                pull = np.array([a @ load for a, load in zip(along, statics[:, k], strict=True)])
+                row["belt"] = _without_blows(window, row["belt"], pull)
+        rows.append(MountRow(**row))
+    return rows
+
+
+def _without_blows(window: Window, of_contact: Spread, pull: Array) -> Spread:
+    """Take the mean from the contact, which is exact, and the range from the pull of the spans."""
+    swing = window.spread(pull, window.passing)
+    if swing is None or np.isnan(pull).any():
+        return of_contact
+    mean = of_contact.mean
+    return Spread(mean, mean + swing.least - swing.mean, mean + swing.most - swing.mean)

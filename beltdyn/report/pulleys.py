@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import attrs
 import numpy as np
 
 from ..base.checks import Array
 from ..drive.couplings import OverrunningClutch
 from .hubs import by_spans, hub_load
 from .rows import PulleyRow
-from .slipping import slip_rows
+from .slipping import slips_of
 from .window import OF_ARCS, Window
 
 
@@ -20,17 +18,14 @@ def pulley_rows(window: Window, statics: Array | None, margins: bool = True) -> 
     """Return the rows, with hub loads by the spans; note what is missing in them."""
     run, names = window.run, window.params.pulley_names
     rows, has_arcs = [], not window.missing(OF_ARCS)
-    for k, name in enumerate(names):
-        found = _motion(window, k) | _overruns(window, k) | _contact(window, k)
+    for k, (name, slips) in enumerate(zip(names, slips_of(window, margins), strict=True)):
+        found = _motion(window, k) | _contact(window, k) | slips
         found |= hub_load(window, statics, k) if run._has("pulleys.load") else {}
         found |= _arcs(window, k) if has_arcs else {}
-        rows.append(PulleyRow(name=name, prescribed=name in run.prescribed, **found))
-    if window.touching is not None:
-        rows = slip_rows(window, rows, margins)
-    for k, row in enumerate(rows):
-        if row.slip_arc is not None:
+        if "slip_arc" in found:
             returning = float(window.mean(window.arcs.returning[:, k]))
-            rows[k] = attrs.evolve(row, slip_error=_slip_error(row, returning))
+            found["slip_error"] = _slip_error(found, returning)
+        rows.append(PulleyRow(name=name, prescribed=name in run.prescribed, **found))
     of_contact = [name for k, name in enumerate(names) if not by_spans(statics, k)]
     if run._has("pulleys.load") and of_contact:
         window.notes.append(
@@ -40,35 +35,36 @@ def pulley_rows(window: Window, statics: Array | None, margins: bool = True) -> 
     return rows
 
 
-def _slip_error(row: PulleyRow, returning: float) -> float:
+def _slip_error(found: dict[str, Any], returning: float) -> float:
     """Return the error of the arc of slip [rad]: a quarter of a link, and the effect of landings.
 
     All of the friction in use is gone from the arc, and below 95 % elsewhere on the wrap, where the
     belt creeps back for a quarter of the time; right to a factor of three on steady drives.
     """
-    arc, wrap, links = row.slip_arc or 0.0, row.wrap or 0.0, row.links or math.inf
-    in_use = wrap if row.used is None else min(row.used, 1.0) * wrap
-    return 0.25 * wrap / links + min(1.0, 4.0 * returning) * abs(in_use - arc)
+    wrap = found["wrap"]
+    in_use = min(found.get("used", 1.0), 1.0) * wrap
+    away = abs(in_use - found["slip_arc"])
+    return float(0.25 * wrap / found["links"] + min(1.0, 4.0 * returning) * away)
 
 
 def _motion(window: Window, k: int) -> dict[str, Any]:
+    """Return speed, torque, power, and what a coupling does."""
     kept = {"speed": window.column("pulleys.omega", k)}
     kept["torque"] = window.column("pulleys.torque", k)
     if kept["speed"] is not None and kept["torque"] is not None:
         kept["power"] = kept["torque"] * kept["speed"]
-    if window.run.couplings is not None and k in window.params.coupled:
+    handed = None
+    if k in window.params.coupled:
         c = window.params.coupled.index(k)
         kept |= {one: window.column(f"couplings.{one}", c) for one in ("rim_speed", "windup")}
-    return {name: window.spread(one) for name, one in kept.items() if one is not None}
-
-
-def _overruns(window: Window, k: int) -> dict[str, Any]:
-    if not isinstance(window.params.pulleys[k].coupling, OverrunningClutch):
-        return {}
-    handed = window.column("couplings.transmitted", window.params.coupled.index(k))
-    if handed is None:
-        return {}
-    return {"overruns": float(window.mean((handed == 0.0).astype(float)))}
+        if isinstance(window.params.pulleys[k].coupling, OverrunningClutch):
+            handed = window.column("couplings.transmitted", c)
+    found: dict[str, Any] = {
+        name: window.spread(one) for name, one in kept.items() if one is not None
+    }
+    if handed is not None:
+        found["overruns"] = float(window.mean((handed == 0.0).astype(float)))
+    return found
 
 
 def _contact(window: Window, k: int) -> dict[str, Any]:

@@ -16,8 +16,7 @@ from ..outputs.sampled import Sampled
 from . import brief, flat, text
 from .creep import creep_rows
 from .cycles import cycle_rows
-from .hubs import hub_statics
-from .mounted import mount_rows
+from .hubs import hub_statics, mount_rows
 from .powers import power_rows
 from .pulleys import pulley_rows
 from .rows import Creep, PulleyRow, ReportData, Rows, Spread

@@ -17,7 +17,7 @@ from ..base.checks import Array
 from ..drive.span import Span
 from ..outputs.arcs import in_slip
 from ..outputs.averages import durations
-from .rows import PulleyRow, Spread
+from .rows import Spread
 from .slip_torque import FullSlip, Steady, full_slip
 from .window import Window
 
@@ -50,21 +50,22 @@ def friction_limits(window: Window) -> Array:
     return limits
 
 
-def slip_rows(window: Window, rows: list[PulleyRow], margins: bool = True) -> list[PulleyRow]:
-    """Add ratios of tensions, friction in use and margins; note what is missing."""
+def slips_of(window: Window, margins: bool = True) -> list[dict[str, Any]]:
+    """Return ratios of tensions, friction in use and margins by pulley; note what is missing."""
     spans, way = window.spans, window.route
-    if spans is None or spans.shape[1] < 2 or way is None:
-        return rows
+    none: list[dict[str, Any]] = [{} for _ in window.params.pulleys]
+    if window.touching is None or spans is None or spans.shape[1] < 2 or way is None:
+        return none
     tension = window.mean(spans)
     if np.isnan(tension).any():
-        return rows
+        return none
     slipping = _Slipping(window, spans, way.wraps, tension)
     slipping.add_ratios()
     slipping.note_full_slips()
     if margins:
         slipping.add_margins()
     slipping.note_falling_friction()
-    return [attrs.evolve(row, **found) for row, found in zip(rows, slipping.found, strict=True)]
+    return slipping.found
 
 
 class _Slipping:

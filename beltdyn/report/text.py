@@ -160,13 +160,11 @@ def slips(report: ReportData) -> list[str]:
 
 def _when(report: ReportData, row: PulleyRow) -> str:
     """Describe when the first pulley slips: now, or at which torques."""
-    margins = [one for one in (row.margin, row.least_margin) if one is not None]
-    if min(margins) <= 1.02 < (row.sticking_margin or 0.0):
+    if row.least <= 1.02 < (row.sticking_margin or 0.0):
         return "as soon as something makes it slip: only friction at rest holds it"
-    if min(margins) <= 1.02:
-        return (
-            "now" if row.margin is not None and row.margin <= 1.02 else "now, at the worst instant"
-        )
+    if row.least <= 1.02:
+        of_means = row.margin is not None and row.margin <= 1.02
+        return "now" if of_means else "now, at the worst instant"
     told = []
     if row.margin is not None and math.isfinite(row.margin):
         told.append(f"when all loads have grown {digits.margin(report, row.margin)}-fold")

@@ -159,7 +159,7 @@ class Window:
     @functools.cached_property
     def travels(self) -> Array | None:
         """Travels of the mounts (n_w, n_m); None without mounts, or not asked for."""
-        travel = self.run.travel if self.run._has("mounts.travel") else None
+        travel = self.run._travel if self.run._has("mounts.travel") else None
         return None if travel is None else self.of(travel)
 
     @property

@@ -6,18 +6,17 @@ import csv
 import errno
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base import files
 from ..base.optional import optional_module
-from ..drive.params import Params
 from ..outputs.quantity import QUANTITIES, TIME
+from ..outputs.sampled import Sampled
 from .labelled import unit_in
 
 #: Kinds of file a result can be written as, by their ending, and the modules and extra they need.
@@ -43,46 +42,34 @@ def check_ending(path: str | os.PathLike[str], endings: Iterable[str] = tuple(RE
     return ending
 
 
-def write(
-    path: str | os.PathLike[str],
-    ending: str,
-    t: NDArray[Any],
-    arrays: Mapping[str, NDArray[Any]],
-    params: Params,
-    dataset: Callable[[], Any],
-) -> None:
-    """Write a result for another program; see :meth:`beltdyn.Result.save`."""
-    if ending == ".nc":
-        write_netcdf(dataset(), path)
-        return
+def write(run: Sampled, path: str | os.PathLike[str], ending: str) -> None:
+    """Write a result as ``.csv`` or ``.mat``; see :meth:`beltdyn.Result.save`."""
     with files.replacing(path) as temporary:
-        if ending == ".mat":
-            structs: dict[str, Any] = {"t": t, "scene": params.to_toml()}
-            for name, values in arrays.items():
-                group, _, field = name.partition(".")
-                if field:
-                    structs.setdefault(group, {})[field] = values
-                else:
-                    structs[group] = values
-            savemat = optional_module("scipy.io", "a .mat file", "vibration").savemat
-            savemat(temporary, structs, appendmat=False, oned_as="column")
-        else:
-            _write_csv(temporary, t, arrays, params)
+        if ending == ".csv":
+            _write_csv(temporary, run)
+            return
+        structs: dict[str, Any] = {"t": run.t, "scene": run.params.to_toml()}
+        for name, values in run._arrays().items():
+            group, _, field = name.partition(".")
+            if field:
+                structs.setdefault(group, {})[field] = values
+            else:
+                structs[group] = values
+        savemat = optional_module("scipy.io", "a .mat file", "vibration").savemat
+        savemat(temporary, structs, appendmat=False, oned_as="column")
 
 
-def _write_csv(
-    path: Path, t: NDArray[Any], arrays: Mapping[str, NDArray[Any]], params: Params
-) -> None:
-    heads = [f"t ({TIME.unit})"]
+def _write_csv(path: Path, run: Sampled) -> None:
+    heads, arrays = [f"t ({TIME.unit})"], run._arrays()
     for name, values in arrays.items():
-        unit = unit_in(QUANTITIES[name], params)
+        unit = unit_in(QUANTITIES[name], run.params)
         for at in np.ndindex(values.shape[1:]):
             place = f"[{','.join(map(str, at))}]" if at else ""
             heads.append(f"{name}{place} ({unit})")
     with open(path, "w", newline="", encoding="utf-8") as file:
         lines = csv.writer(file)
         lines.writerow(heads)
-        for k, time in enumerate(t.tolist()):
+        for k, time in enumerate(run.t.tolist()):
             # Python writes as many digits as are needed to read the same number again.
             numbers = (np.ravel(values[k]).tolist() for values in arrays.values())
             lines.writerow([time, *chain.from_iterable(numbers)])

@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from numpy.typing import NDArray
-
-from ..base.checks import Array
 from ..base.naming import span_names
 from ..base.optional import optional_module
-from ..drive.mounts import KINDS
+from ..drive.mounts import MountKind
 from ..drive.params import Params
 from ..outputs.quantity import QUANTITIES, TIME, Quantity, dimensions
+from ..outputs.sampled import Sampled
 
 #: What the places along dimensions are.
 _PLACES = {
@@ -29,9 +27,9 @@ _PLACES = {
 }
 
 
-def mount_kinds(params: Params) -> list[str]:
-    """Return the kinds of the mounts (n_m,), in words of :data:`beltdyn.drive.mounts.KINDS`."""
-    return [mount._row.name for pulley in params.pulleys if (mount := pulley.mount) is not None]
+def mount_kinds(params: Params) -> list[MountKind]:
+    """Return the kinds of the mounts (n_m,)."""
+    return [mount._row for pulley in params.pulleys if (mount := pulley.mount) is not None]
 
 
 def places(params: Params) -> dict[str, Sequence[Any]]:
@@ -43,21 +41,16 @@ def places(params: Params) -> dict[str, Sequence[Any]]:
     return {"pulley": parts["pulley"], **along, **parts, "xy": ["x", "y"]}
 
 
-def dataset(
-    t: Array,
-    arrays: Mapping[str, NDArray[Any]],
-    params: Params,
-    attributes: Mapping[str, str],
-) -> Any:
+def dataset(run: Sampled, attributes: Mapping[str, str]) -> Any:
     """Return an ``xarray.Dataset``; see :meth:`beltdyn.Result.to_xarray`."""
     xarray = optional_module("xarray", "to_xarray", "sweep")
     variables: dict[str, Any] = {}
-    for name, array in arrays.items():
+    for name, array in run._arrays().items():
         row = QUANTITIES[name]
         own = row.dimensions if array.ndim > 1 else ()
-        described = {"units": unit_in(row, params), "long_name": row.text}
+        described = {"units": unit_in(row, run.params), "long_name": row.text}
         variables[name] = (("time", *own), array, described)
-    coordinates: dict[str, Any] = {"time": t, **places(params)}
+    coordinates: dict[str, Any] = {"time": run.t, **places(run.params)}
     used = {dim for dims, *_ in variables.values() for dim in dims} | {"time"}
     found = {
         dim: (dim, list(values) if isinstance(values, range) else values, _labels(dim))
@@ -65,15 +58,16 @@ def dataset(
         if dim in used
     }
     if "mount" in used:
-        found["mount_kind"] = ("mount", mount_kinds(params), _labels("mount_kind"))
+        kinds = [kind.name for kind in mount_kinds(run.params)]
+        found["mount_kind"] = ("mount", kinds, _labels("mount_kind"))
     return xarray.Dataset(variables, found, dict(attributes))
 
 
 def unit_in(row: Quantity, params: Params) -> str:
     """Return the unit of a quantity in a drive, "rad or m" of mounts that differ in it."""
-    rows = [KINDS[name] for name in mount_kinds(params)] if row.size == "MOUNTS" else []
-    known = bool(rows) and None not in (angles := {kind.angle for kind in rows})
-    return rows[0].unit(row.unit) if known and len(angles) == 1 else row.unit
+    kinds = mount_kinds(params) if row.size == "MOUNTS" else []
+    alike = len({kind.angle for kind in kinds}) == 1 and kinds[0].moves
+    return kinds[0].unit(row.unit) if alike else row.unit
 
 
 def _labels(name: str) -> dict[str, str]:

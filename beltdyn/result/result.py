@@ -206,7 +206,7 @@ class Result(Sampled):
         Needs ``belt.x``, ``.y``, ``.phi`` and ``contact.pulley``, ``.normal``, ``.mu`` and
         ``.velocity``; an AttributeError names what was not asked for.
         """
-        return arcs_of(self, axes_at(self.params, self.travel))
+        return arcs_of(self, axes_at(self.params, self._travel))
 
     @cached_property
     def slip(self) -> Array:
@@ -384,7 +384,7 @@ class Result(Sampled):
             "message": self.message,
             "warnings": "\n".join(map(str, self.warnings)),
         }
-        return labelled.dataset(self.t, self._arrays(), self.params, attributes)
+        return labelled.dataset(self, attributes)
 
     def _history(self, name: str) -> Any:
         """Return an output over time by its dotted name; ValueError where there is none."""
@@ -395,20 +395,6 @@ class Result(Sampled):
         if held is None:
             raise ValueError(f"{name}: this drive has no {group}")
         return getattr(held, field)
-
-    def _histories(self) -> dict[str, NDArray[Any]]:
-        """Return the arrays of all groups by their dotted names."""
-        return {
-            f"{name}.{field}": array
-            for name in GROUPS
-            if (group := getattr(self, name)) is not None
-            for field, array in group.arrays().items()
-        }
-
-    def _arrays(self) -> dict[str, NDArray[Any]]:
-        """Return all histories by their dotted names."""
-        spans = {"span_tension": self.span_tension} if self._has("span_tension") else {}
-        return self._histories() | spans
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a file of the kind that the ending of ``path`` names.
@@ -429,11 +415,11 @@ class Result(Sampled):
         """
         ending = exported.check_ending(path)
         if ending == ".npz":
-            sampled = self._sampled_spans
-            spans = {} if sampled is None else {"span_tension": sampled}
-            saved.write(attrs.asdict(self, recurse=False), self._histories() | spans, path)
+            saved.write(self, path)
+        elif ending == ".nc":
+            exported.write_netcdf(self.to_xarray(), path)
         else:
-            exported.write(path, ending, self.t, self._arrays(), self.params, self.to_xarray)
+            exported.write(self, path, ending)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Result:

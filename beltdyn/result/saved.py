@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import attrs
@@ -66,19 +66,18 @@ _ALL = {
 }
 
 
-def write(
-    result: Mapping[str, Any], histories: Mapping[str, NDArray[Any]], path: str | os.PathLike[str]
-) -> None:
-    """Write the fields of a :class:`beltdyn.Result` and its arrays; see its ``save``."""
-    final = result["final_state"]
-    described = {name: result[name] for name in _META if name not in ("format", "final_t")}
+def write(run: Any, path: str | os.PathLike[str]) -> None:
+    """Write a :class:`beltdyn.Result`; see its ``save``."""
+    final, spans = run.final_state, run._sampled_spans
+    described = {name: getattr(run, name) for name in _META if name not in ("format", "final_t")}
     meta = {"format": _FORMAT, "version": _core.__version__, "final_t": final.t, **described}
     values = {
-        "t": result["t"],
-        **histories,
+        "t": run.t,
+        **run._histories(),
+        **({} if spans is None else {SPANS: spans}),
         **{saved: getattr(final, name) for saved, name in _FINAL.items()},
         "meta.json": json.dumps(meta, default=attrs.asdict),
-        "params.toml": result["params"].to_toml(),
+        "params.toml": run.params.to_toml(),
     }
     npz.write(path, values)
 

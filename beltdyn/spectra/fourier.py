@@ -37,6 +37,12 @@ def even_step(t: Array) -> float:
     return mean
 
 
+def _checked_step(t: Array, values: Array) -> float:
+    if not np.isfinite(values).all():
+        raise ValueError("a spectrum needs finite values, some are NaN or infinite")
+    return even_step(t)
+
+
 def amplitude_spectrum(
     t: Array, values: Array, *, window: str = "hann"
 ) -> tuple[Array, Array, float]:
@@ -60,9 +66,7 @@ def amplitude_spectrum(
         ImportError: SciPy is not there.
         ValueError: Uneven or too few samples, values that are not finite, no such window.
     """
-    step = even_step(t)
-    if not np.isfinite(values).all():
-        raise ValueError("a spectrum needs finite values, some are NaN or infinite")
+    step = _checked_step(t, values)
     signal_ = scipy_module("signal", "a spectrum")
     weights = signal_.get_window(window, t.size)
     length = int(scipy_module("fft", "a spectrum").next_fast_len(_PADDED * t.size, real=True))
@@ -88,9 +92,7 @@ def spectrogram(t: Array, values: Array, length: float) -> tuple[Array, Array, A
         ValueError: Uneven or too few samples, values that are not finite, slices that are longer
             than the samples or shorter than 16 of them.
     """
-    step = even_step(t)
-    if not np.isfinite(values).all():
-        raise ValueError("a spectrum needs finite values, some are NaN or infinite")
+    step = _checked_step(t, values)
     count = round(real("window", length, "s") / step)
     if not FEWEST <= count <= t.size:
         raise ValueError(

@@ -9,7 +9,6 @@ import numpy as np
 
 from ..base.checks import Array, close_to, shown
 from ..base.naming import index_of, span_names
-from ..drive.mounts import KINDS
 from ..outputs.quantity import QUANTITIES
 from ..outputs.selection import array_names
 from ..result.labelled import mount_kinds, places
@@ -83,7 +82,7 @@ def signal(result: Result, output: str, rows: Any = slice(None), **where: Any) -
         )
     unit = row.unit
     if " or " in unit:
-        unit = KINDS[mount_kinds(result.params)[column]].unit(unit)
+        unit = mount_kinds(result.params)[column].unit(unit)
     return Signal(f"{_WORDS.get(output, output)} of {names[column]}", unit, chosen)
 
 

@@ -72,7 +72,7 @@ def _forces(
     worst = int(np.argmax(left))
     out = [(float(left[worst]), f"{what} {worst}")]
     label, radii = params.label, params._radii
-    centers = params.centers(core["travel"] if params.mounted else None)
+    centers = params.centers(core["travel"])
     levers = [("omega", k, radii[k], label(k)) for k in range(len(radii)) if k not in held]
     for c, k in enumerate(params.coupled):
         levers.append(("rim_speed", c, radii[k], f"the rim of {label(k)}"))

@@ -92,15 +92,11 @@ class Linear:
         """Number of unknowns, n."""
         return int(self.names.size)
 
-    @property
-    def _centers(self) -> Array:
-        mounted = bool(self.params.mounted)
-        return np.asarray(self.params.centers(self.state["travel"] if mounted else None))
-
     @cached_property
     def ways(self) -> Array:
         """Unit vectors along the spans (n_p, 2)."""
-        along = route_at(self.params.pulleys, self._centers)._ways
+        centers = self.params.centers(self.state["travel"])
+        along = route_at(self.params.pulleys, centers)._ways
         return np.asarray(along / np.hypot(*along.T)[:, None])
 
     @cached_property
@@ -135,8 +131,7 @@ class Linear:
 
     def norms(self, rate: float) -> Array:
         """Sizes of the unknowns in vibrations of this angular frequency [1/s]."""
-        fast = np.isin(self.names, SPEEDS)
-        return np.where(fast, rate, 1.0) * self.unit
+        return np.where(np.isin(self.names, SPEEDS), rate, 1.0) * self.unit
 
     def scaled(self, rate: float) -> tuple[Array, Any]:
         """Return these sizes (n,) and the matrix (n, n) in them as units."""

@@ -26,7 +26,7 @@ import numpy as np
 from ..base.checks import Array
 from ..drive.params import Params
 from ..loads.torques import PiecewiseLinear, Torque, TorqueLike, TorqueSum, Viscous
-from ..outputs.state import State
+from ..outputs.state import SPEEDS, State
 from ..run.simulation import simulate
 from .eigenvalues import first_rate
 from .linearised import BEHIND, Linear, balancing, derivative, linearise, passing_of, scipy_sparse
@@ -71,7 +71,10 @@ def states_over(
         states = [after(params, state, torque, motion, 0.5 * turn)]
     while len(states) < phases:
         states.append(after(params, states[-1], torque, motion, time))
-    return states if a != 0.0 else [_stopped(one) for one in states]
+    if a != 0.0:
+        return states
+    stopped = {name: 0.0 * getattr(state, name) for name in SPEEDS}
+    return [attrs.evolve(one, **stopped) for one in states]
 
 
 def after(
@@ -101,11 +104,6 @@ def _sum(torque: TorqueLike, more: Viscous) -> TorqueLike:
     if not callable(torque):
         raise TypeError("phases of a belt at rest need torque objects or Python functions")
     return lambda t, theta, omega: np.asarray(torque(t, theta, omega)) + more(t, theta, omega)
-
-
-def _stopped(state: State) -> State:
-    names = ("vx", "vy", "vphi", "omega", "travel_speed", "rim_speed")
-    return attrs.evolve(state, **{name: 0.0 * getattr(state, name) for name in names})
 
 
 def linearise_over(

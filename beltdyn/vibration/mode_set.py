@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Iterable
 
 import attrs
 import numpy as np
@@ -111,35 +112,28 @@ class Modes:
         return self.frequency.size
 
     def __str__(self) -> str:
-        above, modes, below = self._told()
-        rows = [*above, "   k  frequency  damping  what moves"]
-        for k, (frequency, damping, name) in enumerate(modes):
-            rows.append(f"  {k:2d}  {frequency:>6} Hz  {damping:>5} %  {name}")
-        return "\n".join(
-            line
-            for row in [*rows, *below]
-            for line in textwrap.wrap(row, 80, subsequent_indent=" " * 6, drop_whitespace=True)
-        )
+        above, table = self._told()
+        rows = tables.columns([table.heading, *table.rows], ">>><", width=80)
+        return "\n".join([*_lines(above), *rows, *_lines(table.remarks)])
 
     def _repr_html_(self) -> str:
-        above, modes, below = self._told()
-        rows = [(str(k), *cells) for k, cells in enumerate(modes)]
-        heading = ("k", "frequency Hz", "damping %", "what moves")
-        return tables.html([*above, tables.Table("", heading, rows, below)])
+        above, table = self._told()
+        return tables.html([*above, table])
 
-    def _told(self) -> tuple[list[str], list[tuple[str, str, str]], list[str]]:
-        """Return the lines above the modes; of each frequency, damping, name; the lines below."""
+    def _told(self) -> tuple[list[str], tables.Table]:
+        """Return the lines above the modes, and their table with those below."""
         running = f"belt running at {abs(self.speed):.4g} m/s" if self.speed else "at rest"
         held = ", ".join(self.prescribed) or "none"
         above = [f"Modes of the drive, {running}; pulleys of prescribed motion: {held}"]
         for value, name in zip(self.grows, self.grow_names, strict=True):
             above.append(f"  unstable: {name}, grows e-fold within {1.0 / value.real:.3g} s")
-        modes = []
+        modes: list[tuple[str, ...]] = []
         for k, name in enumerate(self.names):
             if self.by_phase.size:
                 low, high = self.by_phase[:, k].min(), self.by_phase[:, k].max()
                 name += f"; {low:.4g} to {high:.4g} Hz over the mesh"
-            modes.append((f"{self.frequency[k]:.4g}", f"{100.0 * self.damping[k]:.2f}", name))
+            percents = f"{100.0 * self.damping[k]:.2f}"
+            modes.append((str(k), f"{self.frequency[k]:.4g}", percents, name))
         rows: list[str] = []
         if (self.damping < -1e-6).any():
             grow = ", ".join(str(k) for k in np.flatnonzero(self.damping < -1e-6))
@@ -168,4 +162,9 @@ class Modes:
         upto = f" to {self.beyond:.3g} Hz, where the mesh lacks modes of spans"
         upto = upto if np.isfinite(self.beyond) else " on"
         rows.append(f"  searched from {self.band[0]:.3g} Hz{upto}")
-        return above, modes, rows
+        heading = ("k", "frequency Hz", "damping %", "what moves")
+        return above, tables.Table("", heading, modes, rows)
+
+
+def _lines(texts: Iterable[str]) -> list[str]:
+    return [line for one in texts for line in textwrap.wrap(one, 80, subsequent_indent=" " * 6)]

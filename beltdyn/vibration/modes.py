@@ -120,7 +120,6 @@ def modes(
         turning = away if turning is None else turning
     if not complete:
         _warn("modes_missing: not all eigenvalues of growing motions have converged")
-    shares = parts.participation(linear, found.vectors)
     of_still = parts.participation(linear, still.vectors)
     # of motions that decay those of pulleys and mounts; those of friction and contact are many
     still = still.of(of_still.pulleys.sum(axis=1) + of_still.mounts.sum(axis=1) > BODIES)
@@ -132,20 +131,20 @@ def modes(
     if phases > 1 and linear.passing == 0.0:
         seen = _at_phases(linear, found, torque, phases, most)
         values, by_phase = seen.mean(axis=0), seen.imag / (2.0 * np.pi)
-    grow_names = _named(linear, grows)
+    grow_names = parts.names(linear, grows.vectors)
     _warn_unstable(grows.values, grow_names, values)
     return Modes(
         frequency=values.imag / (2.0 * np.pi),
         damping=-values.real / abs(values),
         eigenvalue=values,
         shapes=_shapes(linear, found, values),
-        names=parts.names(linear, found.vectors, shares),
-        participation=shares,
+        names=parts.names(linear, found.vectors),
+        participation=parts.participation(linear, found.vectors),
         residual=left,
         grows=grows.values,
         grow_names=grow_names,
         decay=-still.values.real,
-        decay_names=_named(linear, still),
+        decay_names=parts.names(linear, still.vectors),
         turning=turning,
         left_out=left_out,
         band=(band[0] / (2.0 * np.pi), min(highest, band[1]) / (2.0 * np.pi)),
@@ -158,10 +157,6 @@ def modes(
         params=params,
         state=state,
     )
-
-
-def _named(linear: Linear, found: Found) -> tuple[str, ...]:
-    return parts.names(linear, found.vectors, parts.participation(linear, found.vectors))
 
 
 def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> None:

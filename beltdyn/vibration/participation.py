@@ -7,7 +7,7 @@ it lies on pulleys.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from ..base.checks import Array
 from ..base.naming import span_names
-from ..drive.mounts import KINDS
-from ..drive.params import Params
 from ..result.labelled import mount_kinds
 from .linearised import Complex, Linear, masses
 
@@ -91,12 +89,13 @@ def moves(linear: Linear, vectors: Complex, rates: Any) -> tuple[Complex, Comple
     if not params._flows:
         return linear.field(vectors, "x"), linear.field(vectors, "y")
     seen, cells = params._model.observe(linear.state), params._cells
+    centers = params.centers(linear.state["travel"])
     on = np.where(cells < 0, np.roll(cells, 1), cells)  # a span begins where a wrap ends
-    arm = np.column_stack([seen["x"][0], seen["y"][0]]) - params.centers(linear.state["travel"])[on]
+    arm = np.column_stack([seen["x"][0], seen["y"][0]]) - centers[on]
     arm /= np.hypot(*arm.T)[:, None]
     along = params.route.senses[on, None] * np.column_stack([-arm[:, 1], arm[:, 0]])
     move = np.asarray(along[..., None] * (linear.field(vectors, "v") / rates)[:, None])
-    travel, centers = linear.field(vectors, "travel"), params.centers(linear.state["travel"])
+    travel = linear.field(vectors, "travel")
     for m, k, mount in params._moving:
         across = arm * (arm @ mount._direction(centers[k]))[:, None]
         move += np.where((on == k)[:, None], across, 0.0)[..., None] * travel[m]
@@ -133,21 +132,21 @@ def same_modes(own: Complex, others: Complex) -> tuple[NDArray[np.intp], Array]:
     return which, product[np.arange(len(which)), which]
 
 
-def names(linear: Linear, vectors: Complex, shares: Participation) -> tuple[str, ...]:
+def names(linear: Linear, vectors: Complex) -> tuple[str, ...]:
     """Describe in words what moves most in each mode."""
-    return tuple(_name(linear, vectors[:, [k]], shares, k) for k in range(vectors.shape[1]))
+    return tuple(_name(linear, vectors[:, [k]]) for k in range(vectors.shape[1]))
 
 
-def _name(linear: Linear, vector: Complex, shares: Participation, k: int) -> str:
-    params = linear.params
-    parts: list[tuple[float, str]] = [(float(shares.belt[k]), "belt along itself")]
-    for span, share in enumerate(shares.spans[k]):
+def _name(linear: Linear, vector: Complex) -> str:
+    params, shares = linear.params, participation(linear, vector)
+    parts: list[tuple[float, str]] = [(float(shares.belt[0]), "belt along itself")]
+    for span, share in enumerate(shares.spans[0]):
         if share > SECOND / len(params.pulleys):
             name = f"span {span_names(params.pulley_names)[span]}"
             parts.append((float(share), f"{name}, {_order(linear, vector, span)} lateral"))
-    parts.append((float(shares.pulleys[k].sum()), _rotation(params, linear, vector, shares, k)))
-    for m, share in enumerate(shares.mounts[k]):
-        row, pulley = KINDS[mount_kinds(params)[m]], params.mounted[m]
+    parts.append((float(shares.pulleys.sum()), _rotation(linear, vector, shares.pulleys[0])))
+    for m, share in enumerate(shares.mounts[0]):
+        row, pulley = mount_kinds(params)[m], params.mounted[m]
         parts.append((float(share), f"{row.part} of {params.pulley_names[pulley]}"))
     parts.sort(key=lambda part: -part[0])
     name = parts[0][1]
@@ -172,36 +171,15 @@ def _order(linear: Linear, vector: Complex, span: int) -> str:
     return _ORDINALS.get(order, f"{order}th")
 
 
-def _rotation(
-    params: Params, linear: Linear, vector: Complex, shares: Participation, k: int
-) -> str:
-    names, share, move = _rotating(params, linear, vector, shares.pulleys[k])
-    most = int(np.argmax(share))
-    opposite = (move * np.conj(move[most])).real < 0.0
-    against: Sequence[str] = []
-    if opposite.any():
-        other = int(np.argmax(np.where(opposite, share, -1.0)))
-        if share[other] > 0.01 * share[most]:
-            against = [names[other]]
-    elif linear.prescribed:
-        against = [params.pulley_names[j] for j in linear.prescribed[:1]]
-    return f"rotation of {names[most]}" + (f" against {against[0]}" if against else "")
+def _rotation(linear: Linear, vector: Complex, shares: Array) -> str:
+    """Name what turns most, of pulleys and both parts of coupled ones, and against what.
 
-
-def _rotating(
-    params: Params, linear: Linear, vector: Complex, shares: Array
-) -> tuple[list[str], Array, Complex]:
-    """Return names, energies and rim motions of what turns: pulleys, both parts of coupled ones.
-
-    The energy of a pulley is that of both; it goes to each by its inertia.
+    The energy of a coupled pulley is that of both parts; it goes to each by its inertia.
     """
-    names, coupled = list(params.pulley_names), list(params.coupled)
-    radii = params.route.senses * params._radii
-    theta = linear.field(vector, "theta")[:, 0]
-    if not coupled:
-        return names, shares, radii * theta
-    other = linear.field(vector, "rim_angle")[:, 0]
-    of_shaft = params.shaft_inertias[coupled] * abs(theta[coupled]) ** 2
+    params, names = linear.params, [*linear.params.pulley_names]
+    coupled, radii = list(params.coupled), params.route.senses * params._radii
+    shaft, other = (linear.field(vector, name)[:, 0] for name in ("omega", "rim_speed"))
+    of_shaft = params.shaft_inertias[coupled] * abs(shaft[coupled]) ** 2
     of_other = params.coupled_inertias * abs(other) ** 2
     part = of_other / np.maximum(of_shaft + of_other, 1e-300)
     for k in coupled:
@@ -209,7 +187,16 @@ def _rotating(
         kind = "rim" if coupling is None else coupling._part
         names.append(f"{kind} of {names[k]}")
         names[k] = f"hub of {names[k]}" if kind == "rim" else names[k]
-    split = shares.copy()
-    split[coupled] *= 1.0 - part
-    moves = np.concatenate([radii * theta, radii[coupled] * other])
-    return names, np.concatenate([split, shares[coupled] * part]), moves
+    share = np.concatenate([shares, shares[coupled] * part])
+    share[coupled] *= 1.0 - part
+    move = np.concatenate([radii * shaft, radii[coupled] * other])
+    most = int(np.argmax(share))
+    against = ""
+    opposite = (move * np.conj(move[most])).real < 0.0
+    if opposite.any():
+        second = int(np.argmax(np.where(opposite, share, -1.0)))
+        if share[second] > 0.01 * share[most]:
+            against = names[second]
+    elif linear.prescribed:
+        against = params.pulley_names[linear.prescribed[0]]
+    return f"rotation of {names[most]}" + (f" against {against}" if against else "")

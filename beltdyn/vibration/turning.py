@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.checks import Array
+from ..outputs.state import SPEEDS
 from .eigenvalues import Found, first_rate
 from .linearised import Complex, Linear, masses
 from .participation import weighted
@@ -94,7 +95,7 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float] | None:
     torques make of it: J + k ``by`` ``on``^T is the drive without.
     """
     turn = rigid_turning(linear)
-    fast = np.isin(linear.names, ["vx", "vy", "vphi", "omega", "rim_speed"])
+    fast = np.isin(linear.names, SPEEDS)
     by = np.where(fast, turn, 0.0)
     weights = masses(linear.params, linear.state)
     places = {"x": "vx", "y": "vy", "phi": "vphi", "theta": "omega"}
