@@ -47,8 +47,8 @@ static double counts(const bd_model *model, int j) {
 }
 
 /* Whether waves along spans count: whether belt follows its ends at once depends on (w S / c)^2, w
- * the fastest that a pulley turns to and fro on its two spans with half of what they weigh, c the
- * speed of these waves. Its frequency is then wrong by a ninetieth of the square of that. */
+ * the fastest that a pulley turns to and fro on its two spans with a third of what they weigh, c
+ * the speed of these waves. Its frequency is then wrong by a ninetieth of the square of that. */
 static int rings_along(const bd_model *model) {
   const double LEAST = 0.2;
   const int np = model->lay.np;
