@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import attrs
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.checks import Array
 from ..base.rounding import percent
@@ -164,17 +165,21 @@ def modes_off(share: float, modes: int) -> Array:
 
 def describe(params: Drive) -> str:
     """Describe the error of the mesh in one line, with its numbers of cells and modes."""
-    cells, arcs = _on_arcs(params), _arcs(params)
-    modes = _modes(params)
+    cells, modes = _on_arcs(params), _modes(params)
+    long = 1e3 * _arcs(params) / cells
     most = errors(params, 2.0 * float(params.info["strain_tension"]))
     along = " and a wave along it" if params.info["n_along"] else ""
     return (
-        f"{params.info['n_bodies']} cells that stand still, {cells.min()} to {cells.max()} on a "
-        f"pulley, of {1e3 * (arcs / cells).min():.2g} to {1e3 * (arcs / cells).max():.2g} mm, and "
-        f"{modes} sine modes to a span{along}: none at rest, loads up to "
-        f"{percent(most['span_mean'])} of the mean tension, {percent(most['tension'])} of its "
-        "history, at any speed"
+        f"{params.info['n_bodies']} cells that stand still, {_range(cells, 'd')} on a pulley, "
+        f"of {_range(long, '.2g')} mm, and {modes} sine modes to a span{along}: none at rest, under "
+        f"load up to {percent(most['span_mean'])} of the mean tension, {percent(most['tension'])} "
+        "of its history, at any speed"
     )
+
+
+def _range(values: NDArray[Any], places: str) -> str:
+    """Return the least and the greatest, or one where both read the same."""
+    return " to ".join(dict.fromkeys(f"{one:{places}}" for one in (values.min(), values.max())))
 
 
 def limits(params: Drive) -> Iterator[RunWarning]:
