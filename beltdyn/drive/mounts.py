@@ -62,7 +62,8 @@ class MountKind(NamedTuple):
     def travel_text(self, travel: float) -> str:
         """Write a travel in degrees or millimetres."""
         factor, unit = self.shown
-        return f"{factor * travel:.4g} {unit}"
+        shown = round(factor * travel, 6) + 0.0  # what settling leaves of a travel of 0 is 0
+        return f"{shown:.4g} {unit}"
 
 
 def _stops_in_order(mount: Sprung, _field: object, stops: Stops) -> None:
