@@ -171,9 +171,9 @@ def describe(params: Drive) -> str:
     along = " and a wave along it" if params.info["n_along"] else ""
     return (
         f"{params.info['n_bodies']} cells that stand still, {_range(cells, 'd')} on a pulley, "
-        f"of {_range(long, '.2g')} mm, and {modes} sine modes to a span{along}: none at rest, under "
-        f"load up to {percent(most['span_mean'])} of the mean tension, {percent(most['tension'])} "
-        "of its history, at any speed"
+        f"of {_range(long, '.2g')} mm, and {modes} sine modes to a span{along}: none at rest, "
+        f"under load up to {percent(most['span_mean'])} of the mean tension, "
+        f"{percent(most['tension'])} of its history, at any speed"
     )
 
 
