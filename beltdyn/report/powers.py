@@ -93,13 +93,13 @@ def power_rows(window: Window) -> dict[str, Any]:
     efficiency = error = None
     if not put_in > 0.0:
         notes.append("no efficiency: no pulley puts power in, in this window")
-    elif not (taken or path > 0.0):
-        notes.append("no efficiency: no pulley takes power off, in this window")
     elif abs(stored) > STORED * put_in:
         notes.append(
             f"no efficiency: what is stored changes by {number(abs(stored), 2)} W in this window, "
             f"{percent(abs(stored) / put_in)} of what is put in"
         )
+    elif not (taken or path > 0.0):
+        notes.append("no efficiency: no pulley takes power off, in this window")
     else:
         efficiency = 1.0 - lost / put_in
     if put_in > 0.0:
