@@ -717,7 +717,8 @@ class Ale(Mesh):
 
     def per_losing(self, geo: Geometry, ax: Axial) -> Array:
         """What dampers take there over that speed, of bending and of contact (2, ..., 2, n_p): the
-        curvature rises to 1/R as e^{x/l}, and eta_I times the square of its rate is lost. [5]
+        curvature rises to what it is behind within l, and eta_I times the square of its rate is
+        lost. [5]
         """
         found = np.zeros((2, *geo.span.shape[:-1], 2, self.n_p))
         found[1] = self.sinks
@@ -725,7 +726,7 @@ class Ale(Mesh):
             h = np.maximum(ax.pressing[..., self.spans], SLOPES[0] * self.h_0)
             reach = np.sqrt(self.bending_stiffness / h)[..., None, :]
             radii = np.stack((self.radii, np.roll(self.radii, -1)))
-            found[0] = 0.5 * self.bending_damping / (radii**2 * reach)
+            found[0] = 0.5 * self.bending_damping * self.bends / (radii**2 * reach)
         return found
 
     def convected(

@@ -321,6 +321,21 @@ class Mesh:
         cells = (cells / (2.0 * small)) ** 2
         return simpson(slope**2, x=x), simpson(rate**2 - cells, x=x) - e * cells
 
+    def _bends(self, r: float) -> float:
+        """The integral of the square of the curvature's slope where belt runs on a pulley, over
+        1/(2 R^2 l): up to where it touches curvature rises as e^{x/l}. [5]
+        """
+        h, ei = self.h_0, self.bending_stiffness
+        if ei == 0.0:
+            return 0.0
+        d, reach = depth(h / r, self.contact), math.sqrt(ei / h)
+        fast, slow, e = self.sinking(np.array(h), np.array(h / (r * d)))
+        one = fast * (1.0 + slow * e) / (slow - fast)
+        of = ((fast, d * one), (slow, -d * (1.0 + one)))  # depth, less that far behind, by e^{-ax}
+        touches = 1.0 / r + sum((b * a**2).real for a, b in of)
+        inside = sum((b * a**3 * c * f**3 / (a + f)).real for a, b in of for f, c in of)
+        return float(2.0 * r**2 * reach * (touches**2 / (2.0 * reach) + inside))
+
     def _dampers(self, put: Callable[[str, Any], None]) -> None:
         """Of arcs and of spans, the belt's own part and all of it; of the ends of wraps. [5]"""
         h, r, ea = self.h_0, self.radii, self.axial_stiffness
@@ -332,6 +347,8 @@ class Mesh:
         put("arc_dampers", (own, own + contact * (k * r / (1.0 + k)) ** 2))
         runs, pressed = contact * np.transpose([self._sinking(one) for one in r])
         put("sinks", np.stack((runs, np.roll(runs, -1))))
+        bends = np.array([self._bends(one) for one in r])
+        put("bends", np.stack((bends, np.roll(bends, -1))))
         # a span at rest
         forces, span = np.full(self.n_p, h), self.geometry(0.0, self.pack(q=self.q_0)).span
         waves = self.waves_of(forces, span)

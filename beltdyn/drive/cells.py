@@ -35,6 +35,9 @@ WRAP, SPAN = 4.0, 8.0
 #: Of the tension at rest, errors of the lowest frequencies, of so many, and slopes of spans from
 #: which on a run is warned.
 NEAR_SLACK, FAST, LOWEST, STEEP = 0.1, 0.02, 2, 0.1
+#: Share of the time in which belt bends that its damper takes, from which on a run is warned, and
+#: by how much of that its losses in bending are too high (U, 480 links: 0.08 at 0.4, 0.15 at 0.8).
+LATE, LATE_LOSS = 0.4, 0.2
 #: Steps a second of an ALE belt at an rtol, 600 to 3300 measured, the power of rtol by which they
 #: fall, and the CPU time of one for each cell, in explicit steps of a link.
 STEPS, AT, POWER, STEP = 1800.0, 1e-2, 0.3, 12.0
@@ -232,6 +235,20 @@ def seen(
                 t,
                 k,
             )
+        belt = params.belt
+        if belt.bending_damping > 0.0 and belt.bending_stiffness > 0.0:
+            lag = belt.bending_damping / belt.bending_stiffness
+            bends = np.sqrt(np.maximum(span.pull, 0.0) / belt.bending_stiffness)
+            late, t, k = most(lag * np.abs(span.speed) * bends)
+            if late > LATE:
+                yield (
+                    "near_limit",
+                    f"is damped in bending over {1e3 * lag:.3g} ms, {late:.2g} of the time that "
+                    "belt takes through the length where it bends beside a pulley: what it loses "
+                    f"there may be {percent(LATE_LOSS * late)} less; from 1 on the run ends",
+                    t,
+                    k,
+                )
         share, t, k = most(np.sqrt(np.clip(thrown / np.maximum(tension, 1e-300), 0.0, 1.0)))
         modes = _modes(params)
         off = abs(modes_off(min(share, 0.99), modes))

@@ -167,11 +167,11 @@ static void damp_arc(const bd_ale *ale, bd_ale_arc *arc, double damping) {
 
 /* Depth behind where belt touches, and its slope. */
 static double depth_at(const bd_ale_roots *end, double depth, double in, double *slope) {
-  const bd_ale_sunk sunk = bd_ale_sinks(end);
+  const bd_ale_fading sunk = bd_ale_sinks(end), slopes = bd_ale_slope_of(end, sunk);
   double co, si;
   bd_ale_fade(end, in, &co, &si);
-  *slope = depth * (sunk.along * co + sunk.across * si);
-  return depth * (1.0 - co + sunk.depth * si);
+  *slope = depth * (slopes.co * co + slopes.si * si);
+  return depth * (1.0 + sunk.co * co + sunk.si * si);
 }
 
 /* What contact dampers of one take at the end of a wrap: of belt that runs on or off there, over
@@ -202,6 +202,18 @@ static void sinks_at(const bd_ale *ale, double R, double *running, double *press
                          slope * rolls;
     *pressed += part * (rises * rises - everywhere * everywhere);
   }
+}
+
+/* The integral of the square of the curvature's slope at the end of a wrap, over 1 / 2 R^2 l: up to
+ * where it touches curvature rises as exp(x / l), not to 1 / R, which it has far behind only. */
+static double bends_at(const bd_ale *ale, double R) {
+  const double H = ale->rest, depth = bd_contact_depth(ale->quadratic, ale->linear, H / R);
+  const bd_ale_roots end = bd_ale_roots_of(ale->bending, H, H / (R * depth));
+  const bd_ale_fading slope = bd_ale_slope_of(&end, bd_ale_sinks(&end)),
+                      bend = bd_ale_slope_of(&end, slope);
+  const double touches = 1.0 + R * depth * bend.co, off = R * depth;
+  return touches * touches + 2.0 * sqrt(ale->bending / H) * off * off *
+                                 bd_ale_square_of(&end, bd_ale_slope_of(&end, bend));
 }
 
 /* The straight part's line is off the pulley by what bending and contact store per metre of belt
@@ -282,6 +294,7 @@ void bd_ale_make(bd_ale *ale, const bd_ale_drive *drive) {
       double pressed;
       sinks_at(ale, on->radius, &span->sinks[end], &pressed);
       span->sinks[end] *= on->damping;
+      span->damps[end] = ale->bending > 0.0 ? bends_at(ale, on->radius) : 0.0;
       span->pressed += on->damping * pressed;
     }
     span->rolls[0] = from->side * from->radius;

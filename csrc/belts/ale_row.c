@@ -398,6 +398,7 @@ static void begin(bd_plan *plan, double *y) {
  * the belt outruns. */
 static int check_limits(const bd_plan *plan, double t, bd_error *err) {
   const double LEAST = 0.05, STEEPEST = 0.2; /* of the force at rest, or rad; slope of a span */
+  const double LATEST = 1.0; /* of bending behind its damper, over what belt needs for it */
   const bd_ale *ale = &plan->ale->ale;
   const char *advice = "which mesh=\"ale\" does not describe: take mesh=\"joint\"";
   for (int j = 0; j < ale->np; ++j) {
@@ -423,6 +424,19 @@ static int check_limits(const bd_plan *plan, double t, bd_error *err) {
                         "the belt on %s and behind it is slack at t = %.9g s, pressed on by a "
                         "tension of %.3g N, %.3g N at rest, %s",
                         bd_pulley_label(plan->model, j).text, t, least, ale->rest, advice);
+    }
+    const double H = fmax(span->pressing, LEAST * ale->rest), speed = fabs(span->past);
+    const double late = ale->bending > 0.0
+                            ? ale->bending_damping / ale->bending * speed * sqrt(H / ale->bending)
+                            : 0.0;
+    if (!(late < LATEST)) {
+      return bd_fail_at(err, BD_ERR_OFF_PULLEY, "belt", t, -1, j, late,
+                        "at t = %.9g s the belt runs at %.3g m/s through the %.3g mm within which "
+                        "it bends behind %s, faster than its damping lets it, "
+                        "belt.bending_damping / belt.bending_stiffness = %.3g s, %s",
+                        t, speed, 1e3 * sqrt(ale->bending / H),
+                        bd_pulley_label(plan->model, j).text, ale->bending_damping / ale->bending,
+                        advice);
     }
     const double slope = swings + stands;
     if (!(slope < STEEPEST)) {

@@ -81,9 +81,10 @@ typedef struct bd_ale_span {
   double bend[BD_ALE_POWERS][BD_ALE_MODES]; /* A_n by powers of sqrt(EI / H), from its square on */
   const bd_ale_table *table;
   double damping, axial_part, pressed; /* along it; of contact, over the rate of H */
-  /* of both ends: contact dampers, by the speed at which belt runs on or off; s R by which that
-   * speed goes with the angle of waves there, positive where it adds */
-  double sinks[2], rolls[2];
+  /* of both ends: contact dampers, by the speed at which belt runs on or off, and dampers of
+   * bending over those of a belt whose curvature jumps on the pulley to what it is there; s R by
+   * which that speed goes with the angle of waves there, positive where it adds */
+  double sinks[2], damps[2], rolls[2];
   /* geometry */
   double placed[2][4]; /* for centers and speeds of both axes; whether those were others before */
   int is_new;
@@ -300,24 +301,33 @@ static inline bd_ale_roots bd_ale_roots_of(double EI, double H, double c) {
                         .touch = sqrt(EI / H) - p / square};
 }
 
-/* Over the depth: that is 1 - co + depth si, its slope `along` co + `across` si. */
-typedef struct bd_ale_sunk {
-  double depth, along, across;
-} bd_ale_sunk;
+/* co (cos) + si (sin) times exp(-p x), or with cosh and sinh; its slope, and the integral of its
+ * square. */
+typedef struct bd_ale_fading {
+  double co, si;
+} bd_ale_fading;
 
-static inline bd_ale_sunk bd_ale_sinks(const bd_ale_roots *roots) {
-  const double p = roots->p, q = roots->q, turned = roots->turns * q, e = roots->touch;
-  const double depth = (p + (p * p + turned * q) * e) / q;
-  return (bd_ale_sunk){depth, p + q * depth, turned - p * depth};
+static inline bd_ale_fading bd_ale_slope_of(const bd_ale_roots *roots, bd_ale_fading of) {
+  const double p = roots->p, q = roots->q;
+  return (bd_ale_fading){q * of.si - p * of.co, -roots->turns * q * of.co - p * of.si};
+}
+
+static inline double bd_ale_square_of(const bd_ale_roots *roots, bd_ale_fading of) {
+  const double p = roots->p, q = roots->q, qq = roots->turns * q * q;
+  return (of.co * of.co * (2.0 * p * p + qq) + 2.0 * of.co * of.si * p * q +
+          of.si * of.si * q * q) /
+         (4.0 * p * (p * p + qq));
+}
+
+/* Depth over that far from there, less 1. */
+static inline bd_ale_fading bd_ale_sinks(const bd_ale_roots *roots) {
+  const double p = roots->p, q = roots->q;
+  return (bd_ale_fading){-1.0, (p + (p * p + roots->turns * q * q) * roots->touch) / q};
 }
 
 /* The integral of the square of the depth's slope, over the square of the depth. */
 static inline double bd_ale_sloping(const bd_ale_roots *roots) {
-  const double p = roots->p, q = roots->q, qq = roots->turns * q * q;
-  const bd_ale_sunk sunk = bd_ale_sinks(roots);
-  const double co = sunk.along, si = sunk.across;
-  return (co * co * (2.0 * p * p + qq) + 2.0 * co * si * p * q + si * si * q * q) /
-         (4.0 * p * (p * p + qq));
+  return bd_ale_square_of(roots, bd_ale_slope_of(roots, bd_ale_sinks(roots)));
 }
 
 static inline double bd_ale_slowest(const bd_ale_roots *roots) {

@@ -6,7 +6,7 @@
 
 /* --- modes of a span, without the terms of c' ------------------------------------------------- */
 
-/* Where the belt runs off a pulley, or on, its curvature rises to 1 / R as exp(x / l), and it sinks
+/* Where the belt runs off a pulley, or on, its curvature rises to 1 / R within l, and it sinks
  * in; dampers take what the rates of both, by the speed at which it runs there, are worth squared.
  */
 INLINE void lose_at_ends(bd_ale *ale, int i) {
@@ -25,7 +25,8 @@ INLINE void lose_at_ends(bd_ale *ale, int i) {
     const double square = span->curvature[end] * span->curvature[end];
     const double speed = ale->past[nodes[end]] + span->rolls[end] * sum_of_modes(turns[end]);
     span->per_bending[end] =
-        loses ? 0.5 * ale->bending_damping * square * sqrt(H / ale->bending) : 0.0;
+        loses ? 0.5 * ale->bending_damping * span->damps[end] * square * sqrt(H / ale->bending)
+              : 0.0;
     span->per_losing[end] = span->per_bending[end] + span->sinks[end];
     span->losing[end] = span->per_losing[end] * speed;
   }
