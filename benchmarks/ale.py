@@ -296,22 +296,11 @@ def rest_modes(params: bd.Params, n: int, phases: int = 1) -> dict[str, Any]:
         return {"frequency": bd.modes(params, state, n=n, phases=phases).frequency}
 
 
-def light() -> bd.Params:
-    """Light pulleys 0.5 m apart: the belt's own mass along it counts."""
-    params = links(drives.scene_m().params, 240)
-    pulleys = [
-        attrs.evolve(one, center=(0.5 * k, 0.0), radius=0.05, inertia=2e-4)
-        for k, one in enumerate(params.pulleys)
-    ]
-    belt = attrs.evolve(params.belt, length=None, preload=400.0, bending_stiffness=0.02)
-    return attrs.evolve(params, pulleys=pulleys, belt=belt)
-
-
 RESTING: dict[str, Callable[[], bd.Params]] = {
     "U": lambda: drives.scene_u().params,
     "U, EI 0.02": lambda: drives.with_belt(drives.scene_u().params, bending_stiffness=0.02),
     "M": lambda: drives.scene_m().params,
-    "light pulleys": light,
+    "light pulleys": lambda: drives.light_scene().params,
     "crossed": lambda: drives.crossed_scene().params,
     "idler on the back": lambda: drives.idler_scene().params,
     "seven pulleys, arm": lambda: bd.scenes.serpentine(120).params,
