@@ -13,8 +13,9 @@ than 1.3 times as many as "tsit5" takes at rtol = 0.1, or at the loosest toleran
 refused for the energy it adds.
 
 At the end: how many ratios would be as they should if a method were given another tolerance than
-rtol, `factor` times rtol, or rtol^power, the same at 1e-2: with its power of aim[1] the factor is
-one on aim[0] of a method (csrc/solvers/), on the mesh "joint" of aim_smooth.
+rtol, `factor` times rtol, or rtol^power, the same at 1e-2: with its power of error_target[1] the
+factor is one on error_target[0] of a method (csrc/solvers/), on the mesh "joint" of
+error_target_smooth.
 Between the tolerances measured the error is interpolated as a power of rtol, beyond them it is
 taken as proportional to it. Runs at rtol = 0.1 serve that alone.
 """

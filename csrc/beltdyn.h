@@ -449,7 +449,7 @@ typedef struct bd_torque {
 typedef struct bd_options {
   const char *method; /* one of bd_method_name, or NULL: "auto" */
   double rtol;        /* adaptive: error asked for, of the joint forces over the mean tension; what
-                       * local errors it allows stands with the method (bd_method.aim) */
+                       * local errors it allows stands with the method (bd_method.error_target) */
   double step;     /* rk4: the step (0: from all that is stiff, stiffness.c); lbdf2, lie: the step
                     * (0: they are adaptive); the others: the first step (0: chosen) */
   double max_step; /* 0: none */

@@ -149,7 +149,8 @@ void bd_ale_stored(const bd_plan *plan, const double *y, const bd_joint *unused,
                    double terms[BD_N_ENERGY]);
 void bd_ale_weigh(const bd_model *model, double *weights);
 double bd_ale_error(const bd_plan *plan, const bd_step_sum *of);
-double bd_ale_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);
+double bd_ale_stretch_difference(const bd_plan *plan, const double *y, const bd_plan *other,
+                                 const double *v);
 
 /* --- ale_start.c ------------------------------------------------------------------------------ */
 

@@ -16,7 +16,7 @@ void bd_ale_rate(bd_ale *ale, const bd_ale_kernels *kernels, const bd_ale_state 
   }
   kernels->stretch(ale, y);
   for (int j = 0; j < ale->np; ++j) {
-    kernels->rub[ale->arcs[j].friction.law](ale, j, y, dy);
+    kernels->add_friction[ale->arcs[j].friction.law](ale, j, y, dy);
   }
   kernels->move(ale, y, dy);
 }

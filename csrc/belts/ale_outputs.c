@@ -34,7 +34,7 @@ static double *from(double *output, size_t at) {
 }
 
 /* What presses on the cells of an arc, both ends of each together. */
-static void press_outputs(const bd_ale *ale, int j, double *restrict to) {
+static void normal_force_outputs(const bd_ale *ale, int j, double *restrict to) {
   const bd_ale_arc *arc = &ale->arcs[j];
   const double half = 0.5 * arc->cell_angle;
   for (int k = 0; k < arc->n; ++k) {
@@ -48,7 +48,7 @@ static void press_outputs(const bd_ale *ale, int j, double *restrict to) {
 }
 
 /* Of the cells of an arc, counter-clockwise. */
-static void rub_outputs(const bd_ale *ale, int j, const bd_output *out, size_t at) {
+static void friction_outputs(const bd_ale *ale, int j, const bd_output *out, size_t at) {
   const bd_ale_arc *arc = &ale->arcs[j];
   const double rim = arc->axis.omega, sense = arc->sense, r0 = arc->radius + arc->raised;
   const double *const before = ale->force_a + arc->begin, *const after = ale->force_b + arc->begin;
@@ -57,13 +57,13 @@ static void rub_outputs(const bd_ale *ale, int j, const bd_output *out, size_t a
   double *restrict const friction = from(out->friction, at);
   double *restrict const velocity = from(out->velocity, at);
   if (normal) {
-    press_outputs(ale, j, normal);
+    normal_force_outputs(ale, j, normal);
   }
   for (int k = 0; friction && k < arc->n; ++k) {
     friction[k] = sense * (before[k] + after[k]);
   }
   if (mu) {
-    press_outputs(ale, j, mu);
+    normal_force_outputs(ale, j, mu);
   }
   for (int k = 0; mu && k < arc->n; ++k) {
     mu[k] = mu[k] > 0.0 ? sense * (before[k] + after[k]) / mu[k] : 0.0;
@@ -126,7 +126,7 @@ void bd_ale_contact_outputs(bd_plan *plan, const double *y, const bd_output *out
     const int slot = ale->arcs[i].begin + ale->arcs[i].n; /* where the arc of i ends */
     span_outputs(plan, i, out, at, k * (size_t)lay->np + (size_t)i);
     place_outputs(plan, i, slot, 1, out, at++);
-    rub_outputs(ale, j, out, at);
+    friction_outputs(ale, j, out, at);
     place_outputs(plan, j, ale->arcs[j].begin, n, out, at);
     at += (size_t)n;
     for (int m = 0; m < lay->modes; ++m) {
@@ -192,7 +192,8 @@ void bd_ale_stored(const bd_plan *plan, const double *y, const bd_joint *unused,
 }
 
 /* Of stretches, on cells of one length. */
-double bd_ale_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v) {
+double bd_ale_stretch_difference(const bd_plan *plan, const double *y, const bd_plan *other,
+                                 const double *v) {
   const bd_ale *one = bd_ale_look(plan, y), *two = bd_ale_look(other, v);
   const double length = plan->model->info.link_length;
   double sum = 0.0;

@@ -591,5 +591,5 @@ const bd_belt_model bd_belt_ale = {
     .off_line = off_line,
     .energy = bd_ale_stored,
     .turns = turns,
-    .apart = bd_ale_apart,
+    .stretch_difference = bd_ale_stretch_difference,
 };

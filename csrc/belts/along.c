@@ -48,15 +48,16 @@ void bd_along_distances(const bd_plan *plan, const double *y, int j, int begin, 
   }
 }
 
-static double press(const bd_plan *plan, const double *y, int j) {
+static double contact_energy(const bd_plan *plan, const double *y, int j) {
   bd_sums sums;
-  plan->kernels->press[1](&plan->seen, &plan->contact_pulleys[j], plan->search.n_runs[j],
-                          bd_runs_of(plan, j), &plan->pressure, &plan->forces, y, &sums);
+  plan->kernels->add_normal_forces[1](&plan->seen, &plan->contact_pulleys[j],
+                                      plan->search.n_runs[j], bd_runs_of(plan, j), &plan->pressure,
+                                      &plan->forces, y, &sums);
   return sums.contact_energy;
 }
 
 int bd_along_contact_energy(const bd_plan *plan, const double *y, int j, double *energy) {
-  const double stored = press(plan, y, j);
+  const double stored = contact_energy(plan, y, j);
   *energy += stored;
   return stored > 0.0;
 }
@@ -66,7 +67,7 @@ void bd_along_contact_at(const bd_plan *plan, const double *y, int j, bd_touch *
                          double force[2], double *energy) {
   const bd_pressure *p = &plan->pressure;
   bd_along_clear(plan);
-  *energy += press(plan, y, j);
+  *energy += contact_energy(plan, y, j);
   force[0] = force[1] = 0.0;
   for (int r = 0, i = -1; (i = bd_next_near(plan, j, &r, i)) >= 0;) {
     force[0] += plan->forces.left_x[i] + plan->forces.right_x[i];

@@ -65,7 +65,8 @@ extern const bd_newton_belt bd_newton_ale;   /* solvers/newton_ale.c */
 void bd_links_joints_at(const bd_plan *plan, const double *y, const double *co, const double *si,
                         bd_joint *out);
 void bd_links_direction(const bd_layout *lay, const double *y, int i, double e[2]);
-double bd_links_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);
+double bd_links_stretch_difference(const bd_plan *plan, const double *y, const bd_plan *other,
+                                   const double *v);
 void bd_links_set_going(const bd_plan *plan, double *y, double speed);
 
 /* What rows of rigid links share. */
@@ -75,8 +76,8 @@ void bd_links_set_going(const bd_plan *plan, double *y, double speed);
 #define BD_LINKS                                                                                   \
   BD_NODES,                                                                                        \
       .joints_text = {"joints: axial spring-dampers", "joints: axial and bending spring-dampers"}, \
-      .joints_at = bd_links_joints_at, .direction = bd_links_direction, .apart = bd_links_apart,   \
-      .set_going = bd_links_set_going
+      .joints_at = bd_links_joints_at, .direction = bd_links_direction,                            \
+      .stretch_difference = bd_links_stretch_difference, .set_going = bd_links_set_going
 
 /* --- along.c: contact along the links, or bars ------------------------------------------------ */
 

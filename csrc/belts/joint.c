@@ -54,11 +54,11 @@ static void contact(bd_plan *plan, int j, double *y, double *dy, bd_sums *sums) 
   if (on_mount) {
     kernels->sum_forces(n_runs, runs, &plan->forces, before);
   }
-  kernels->press[power](&plan->links, pulley, n_runs, runs, &plan->pressure, &plan->forces, y,
-                        sums);
+  kernels->add_normal_forces[power](&plan->links, pulley, n_runs, runs, &plan->pressure,
+                                    &plan->forces, y, sums);
   if (pulley->law != BD_LAW_NONE) {
-    kernels->rub[pulley->law][power](&plan->links, pulley, n_runs, runs, &plan->points,
-                                     &plan->pressure, &plan->forces, y, dy, sums);
+    kernels->add_friction[pulley->law][power](&plan->links, pulley, n_runs, runs, &plan->points,
+                                              &plan->pressure, &plan->forces, y, dy, sums);
   }
   if (on_mount) {
     kernels->sum_forces(n_runs, runs, &plan->forces, after);

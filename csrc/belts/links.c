@@ -40,7 +40,8 @@ void bd_links_direction(const bd_layout *lay, const double *y, int i, double e[2
   e[1] = sin(bd_cfield(lay, y, F_PHI)[i]);
 }
 
-double bd_links_apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v) {
+double bd_links_stretch_difference(const bd_plan *plan, const double *y, const bd_plan *other,
+                                   const double *v) {
   const bd_layout *lay = &plan->model->lay;
   const double half = plan->links.half;
   const double *x = bd_cfield(lay, y, F_X), *z = bd_cfield(lay, y, F_Y);

@@ -102,7 +102,8 @@ static void contact_at(const bd_plan *plan, const double *y, int j, bd_touch *ou
   }
 }
 
-static double apart(const bd_plan *plan, const double *y, const bd_plan *other, const double *v) {
+static double stretch_difference(const bd_plan *plan, const double *y, const bd_plan *other,
+                                 const double *v) {
   (void)other;
   const bd_layout *lay = &plan->model->lay;
   const double *x = bd_cfield(lay, y, F_X), *z = bd_cfield(lay, y, F_Y);
@@ -131,5 +132,5 @@ const bd_belt_model bd_belt_string = {
     .joints_at = joints_at,
     .direction = direction,
     .contact_at = contact_at,
-    .apart = apart,
+    .stretch_difference = stretch_difference,
 };

@@ -13,15 +13,16 @@
 #define ROUNDING (32.0 * DBL_EPSILON)
 
 /* Friction where a touch is, of which there is a share. */
-typedef struct rubbing {
+typedef struct contact_friction {
   double nx, ny, rho, mu, friction, slip, velocity;
-} rubbing;
+} contact_friction;
 
-static rubbing rub(const bd_plan *plan, const double *y, int i, int j, const bd_touch *touch) {
+static contact_friction friction_of(const bd_plan *plan, const double *y, int i, int j,
+                                    const bd_touch *touch) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
   double dx = touch->x - d->x, dy = touch->y - d->y;
-  rubbing out = {.rho = hypot(dx, dy)};
+  contact_friction out = {.rho = hypot(dx, dy)};
   double nx = out.nx = dx / out.rho, ny = out.ny = dy / out.rho;
   double ux = touch->vx - d->vx, uy = touch->vy - d->vy;
   out.velocity = uy * nx - ux * ny - y[lay->rim[j]] * out.rho;
@@ -60,7 +61,7 @@ double bd_nodes_push(const bd_plan *plan, const double *y, int j, double force[2
   for (int r = 0, i = -1; (i = bd_next_near(plan, j, &r, i)) >= 0;) {
     const bd_touch *touch = &plan->touches[i];
     if (touch->share > 0.0) {
-      const rubbing c = rub(plan, y, i, j, touch);
+      const contact_friction c = friction_of(plan, y, i, j, touch);
       sum += c.friction * c.rho;
       force[0] += touch->acts * c.nx + c.friction * c.ny;
       force[1] += touch->acts * c.ny - c.friction * c.nx;
@@ -72,7 +73,8 @@ double bd_nodes_push(const bd_plan *plan, const double *y, int j, double force[2
 /* What the friction of link i changes by where its slip velocity and its normal force, over its
  * share in contact, are off by so much. */
 static double friction_shift(const bd_plan *plan, const double *y, int i, int j,
-                             const bd_touch *touch, const rubbing *c, double dv, double dn) {
+                             const bd_touch *touch, const contact_friction *c, double dv,
+                             double dn) {
   const bd_layout *lay = &plan->model->lay;
   const bd_contact_pulley *d = &plan->contact_pulleys[j];
   const double *states = bd_cfield(lay, y, bd_f_state(lay, d->slot)) + i;
@@ -108,7 +110,7 @@ bd_contact_rounding bd_nodes_rounding(const bd_plan *plan, const double *y, int 
     if (!(at->share > 0.0)) {
       continue;
     }
-    const rubbing c = rub(plan, y, i, j, at);
+    const contact_friction c = friction_of(plan, y, i, j, at);
     /* of places and velocities, before differences of them are taken; and of directions */
     const double off =
         ROUNDING * (fabs(at->x) + fabs(at->y) + fabs(d->x) + fabs(d->y) + 2.0 * plan->links.half);
@@ -189,7 +191,8 @@ double bd_nodes_off_line(bd_plan *plan, const double *y, const double *y_new, do
       const bd_touch *touches = touches_of(plan, at, j);
       for (int r = 0, i = -1; (i = bd_next_near(plan, j, &r, i)) >= 0;) {
         const double normal = touches[i].share > 0.0 ? touches[i].normal : 0.0;
-        const rubbing c = normal > 0.0 ? rub(plan, at, i, j, &touches[i]) : (rubbing){0};
+        const contact_friction c =
+            normal > 0.0 ? friction_of(plan, at, i, j, &touches[i]) : (contact_friction){0};
         if (!end) {
           plan->best[i] = normal > 0.0 ? c.velocity : (double)NAN;
         } else if (normal > 0.0 && isfinite(plan->best[i])) {
@@ -238,7 +241,8 @@ void bd_nodes_contact_outputs(bd_plan *plan, const double *y, const bd_output *o
       if (!(touches[i].share > 0.0) || normal <= best[i]) {
         continue;
       }
-      const rubbing c = in_full ? rub(plan, y, i, j, &touches[i]) : (rubbing){0};
+      const contact_friction c =
+          in_full ? friction_of(plan, y, i, j, &touches[i]) : (contact_friction){0};
       best[i] = normal;
       plan->touched[i] = j;
       const double values[] = {normal, c.friction, c.mu, c.slip, c.velocity};

@@ -225,7 +225,8 @@ typedef struct bd_ale_kernels {
   void (*place)(bd_ale *ale);
   void (*stretch)(bd_ale *ale, const bd_ale_state *y);
   void (*freeze)(bd_ale *ale, const bd_ale_state *y);
-  void (*rub[BD_N_LAWS])(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy);
+  void (*add_friction[BD_N_LAWS])(bd_ale *ale, int j, const bd_ale_state *y,
+                                  const bd_ale_state *dy);
   void (*move)(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *dy);
   /* Of a span whose waves are known; and where they rest, angles of its ends. */
   bd_ale_path (*path)(const bd_ale *ale, bd_ale_span *span, double h);

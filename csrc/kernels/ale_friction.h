@@ -13,11 +13,11 @@ typedef struct lying {
 /* One place of friction of cells, at either end of what lies there: how far it is through the cell,
  * on which radius, by W over what lies; slip velocity and normal force per metre for the law, whose
  * force is per metre of belt, of which a place has half of what lies. */
-typedef struct rubbing {
+typedef struct sliding {
   law_at at;
   vec from, deep, rho, slip;
   mask moves; /* its state */
-} rubbing;
+} sliding;
 
 INLINE lying lying_at(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_state *y, int k) {
   const vec half = splat(0.5), part = load(ale->cut_b + k) - load(ale->cut_a + k);
@@ -33,8 +33,8 @@ INLINE lying lying_at(const bd_ale *ale, const bd_ale_arc *arc, const bd_ale_sta
   };
 }
 
-INLINE rubbing rub_at(const bd_ale *ale, const bd_ale_arc *arc, const lying *on, int k,
-                      const int end) {
+INLINE sliding sliding_at(const bd_ale *ale, const bd_ale_arc *arc, const lying *on, int k,
+                          const int end) {
   const vec none = splat(0.0), more = load((end == 0 ? ale->end_a : ale->end_b) + k);
   const vec here = load(ale->slid + k), there = load_unaligned(ale->slid + k + 1);
   const vec from = load((end == 0 ? ale->cut_a : ale->cut_b) + k);
@@ -42,7 +42,7 @@ INLINE rubbing rub_at(const bd_ale *ale, const bd_ale_arc *arc, const lying *on,
   const vec rho = splat(arc->radius + arc->raised) - load(ale->sink + k) * deep;
   const vec normal = larger(fma_(on->shear, more, on->pressed * on->part), none);
   const vec slip = fma_(from, there - here, here) - splat(arc->sense * arc->axis.omega) * rho;
-  return (rubbing){
+  return (sliding){
       .at = {.v = where(less(none, on->lies), slip),
              .normal = on->lies * normal * on->per_half_m,
              .touch = less(none, on->lies)},
@@ -55,8 +55,9 @@ INLINE rubbing rub_at(const bd_ale *ale, const bd_ale_arc *arc, const lying *on,
 }
 
 /* Force of all elements; their rates are set. */
-INLINE vec rub_end(const law_constants *c, rubbing *end, const lying *on, int states, int stride,
-                   const double *z, double *dz, const int law, const int has_states) {
+INLINE vec friction_of_end(const law_constants *c, sliding *end, const lying *on, int states,
+                           int stride, const double *z, double *dz, const int law,
+                           const int has_states) {
   vec force = splat(0.0);
   for (int e = 0; e < (has_states ? states : 1); ++e) {
     end->at.element = e;
@@ -91,18 +92,18 @@ INLINE void carry_states(const bd_ale *ale, const lying *on, const bd_ale_state 
   }
 }
 
-INLINE void rub(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy, const int law,
-                const int has_states) {
+INLINE void add_friction(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy,
+                         const int law, const int has_states) {
   bd_ale_arc *arc = &ale->arcs[j];
   const law_constants c = law_prepare(&arc->friction, 1.0, law);
   vec torque = splat(0.0), lost = torque;
   for (int k = arc->begin; k < arc->begin + arc->n; k += WIDTH) {
     const lying on = lying_at(ale, arc, y, k);
-    rubbing a = rub_at(ale, arc, &on, k, 0), b = rub_at(ale, arc, &on, k, 1);
-    const vec force_a =
-        rub_end(&c, &a, &on, arc->states, y->stride, y->z[0] + k, dy->z[0] + k, law, has_states);
-    const vec force_b =
-        rub_end(&c, &b, &on, arc->states, y->stride, y->z[1] + k, dy->z[1] + k, law, has_states);
+    sliding a = sliding_at(ale, arc, &on, k, 0), b = sliding_at(ale, arc, &on, k, 1);
+    const vec force_a = friction_of_end(&c, &a, &on, arc->states, y->stride, y->z[0] + k,
+                                        dy->z[0] + k, law, has_states);
+    const vec force_b = friction_of_end(&c, &b, &on, arc->states, y->stride, y->z[1] + k,
+                                        dy->z[1] + k, law, has_states);
     const vec after = fma_(a.from, force_a, b.from * force_b);
     store(ale->force_a + k, force_a + force_b - after);
     store(ale->force_b + k, after);
@@ -117,7 +118,7 @@ INLINE void rub(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *d
 }
 
 /* Without friction. */
-static void rub_NONE(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy) {
+static void add_friction_NONE(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy) {
   bd_ale_arc *arc = &ale->arcs[j];
   (void)y, (void)dy;
   memset(ale->force_a + arc->begin, 0, (size_t)arc->slots * sizeof(double));
@@ -125,9 +126,10 @@ static void rub_NONE(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_sta
   arc->torque = arc->slip_loss = 0.0;
 }
 
-#define RUB(name, class, general, states, text)                                                    \
-  static void rub_##name(bd_ale *ale, int j, const bd_ale_state *y, const bd_ale_state *dy) {      \
-    rub(ale, j, y, dy, BD_LAW_##name, (states) != 0);                                              \
+#define ADD_FRICTION(name, class, general, states, text)                                           \
+  static void add_friction_##name(bd_ale *ale, int j, const bd_ale_state *y,                       \
+                                  const bd_ale_state *dy) {                                        \
+    add_friction(ale, j, y, dy, BD_LAW_##name, (states) != 0);                                     \
   }
-BD_LAWS(RUB)
-#undef RUB
+BD_LAWS(ADD_FRICTION)
+#undef ADD_FRICTION

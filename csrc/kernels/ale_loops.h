@@ -23,14 +23,14 @@
 
 #include "kernels/ale_solutions.h"
 
-#define ALE_RUB(name, class, general, states, text) [BD_LAW_##name] = rub_##name,
+#define ALE_FRICTION(name, class, general, states, text) [BD_LAW_##name] = add_friction_##name,
 #define ALE_SLOPES(name, class, general, states, text) [BD_LAW_##name] = slopes_##name,
 const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL) = {
     .place = place,
     .stretch = stretch,
     .path = path,
     .freeze = freeze,
-    .rub = {rub_NONE, BD_LAWS(ALE_RUB)},
+    .add_friction = {add_friction_NONE, BD_LAWS(ALE_FRICTION)},
     .move = move,
     .slopes = {slopes_NONE, BD_LAWS(ALE_SLOPES)},
     .answer = answer,

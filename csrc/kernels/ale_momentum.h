@@ -125,12 +125,12 @@ INLINE void pull_nodes(bd_ale *ale, const bd_ale_state *y, const bd_ale_state *d
     const vec bends =
         (load(ale->bent + k) - load_unaligned(ale->bent + k - 1)) * load(ale->per_stretch + k);
     const vec pulls = load(ale->tension + k) - load_unaligned(ale->tension + k - 1) + bends;
-    const vec rubs = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1) +
-                     load(ale->slows + k) + load_unaligned(ale->slows + k - 1);
+    const vec friction = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1) +
+                         load(ale->slows + k) + load_unaligned(ale->slows + k - 1);
     const vec carried = load(ale->carried_t + k) + load_unaligned(ale->carried_t + k - 1);
     const vec tx = load(ale->tx + k), ty = load(ale->ty + k);
     const vec weighs = fma_(gx, tx, gy * ty) - D * load(ale->turn + k) * load(ale->across + k);
-    const vec total = fma_(mass, weighs, pulls - rubs - carried);
+    const vec total = fma_(mass, weighs, pulls - friction - carried);
     const vec per_mass = splat(1.0) / mass;
     store(ale->total + k, total);
     store(ale->per_mass + k, per_mass);
@@ -265,9 +265,9 @@ INLINE void push_axis(bd_ale *ale, const bd_ale_state *y, int j) {
         (load(ale->bent + k) - load_unaligned(ale->bent + k - 1)) * load(ale->per_stretch + k);
     /* T (t' - t) of the cells, summed by nodes */
     const vec pulls = behind * load_unaligned(ale->tension + k - 1) - here * load(ale->tension + k);
-    const vec rubs = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1) +
-                     load(ale->slows + k) + load_unaligned(ale->slows + k - 1);
-    const vec along = pulls - bends + rubs;
+    const vec friction = load(ale->force_a + k) + load_unaligned(ale->force_b + k - 1) +
+                         load(ale->slows + k) + load_unaligned(ale->slows + k - 1);
+    const vec along = pulls - bends + friction;
     const vec lever = splat(axis->lever[0]) * nx + splat(axis->lever[1]) * ny;
     x = x + where(node, along * tx - bears * nx);
     yy = yy + where(node, along * ty - bears * ny);

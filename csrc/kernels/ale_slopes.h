@@ -7,25 +7,25 @@
 
 /* More of what presses, of slip, by a cell's metres, by the speeds of its nodes, by the rim, by the
  * shear. */
-typedef struct rubbed {
+typedef struct sliding_slopes {
   vec normal[BD_ALE_BYS], slip[BD_ALE_BYS];
-} rubbed;
+} sliding_slopes;
 
 /* Friction at one end: the force of all elements, over the metres held; what states have of it. */
-INLINE void slope_end(const law_constants *c, rubbing *rubs, const lying *on, const rubbed *by,
-                      vec *force, int n, int stride, int k, const double *z,
-                      const bd_ale_slopes *out, const int end, const int law,
+INLINE void slope_end(const law_constants *c, sliding *slides, const lying *on,
+                      const sliding_slopes *by, vec *force, int n, int stride, int k,
+                      const double *z, const bd_ale_slopes *out, const int end, const int law,
                       const int has_states) {
   vec by_normal = splat(0.0), by_slip = by_normal;
   for (int e = 0; e < (has_states ? n : 1); ++e) {
     const int at = e * stride + k;
-    rubs->at.element = e;
-    rubs->at.z = has_states ? load(z + at) : splat(0.0);
-    const law_slopes slopes = law_slopes_of(c, &rubs->at, law);
+    slides->at.element = e;
+    slides->at.z = has_states ? load(z + at) : splat(0.0);
+    const law_slopes slopes = law_slopes_of(c, &slides->at, law);
     by_normal = by_normal + slopes.by_normal;
     by_slip = by_slip + slopes.by_slip;
     if (has_states) {
-      const vec seen = where(rubs->moves, slopes.rate_by_slip);
+      const vec seen = where(slides->moves, slopes.rate_by_slip);
       for (int u = 0; u < BD_ALE_BYS; ++u) {
         store(out->rate[end][u] + at,
               fma_(slopes.rate_by_normal, by->normal[u], seen * by->slip[u]));
@@ -90,29 +90,29 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
     /* friction of both places, of which a part acts on the node behind */
     const vec before = load(ale->force_a + k), after = load(ale->force_b + k);
     vec torque[BD_ALE_BYS] = {none, none, none, none, none};
-    vec rubs_on[2][BD_ALE_BYS] = {{none, none, none, none, none}, {none, none, none, none, none}};
+    vec on_nodes[2][BD_ALE_BYS] = {{none, none, none, none, none}, {none, none, none, none, none}};
     for (int end = 0; law != BD_LAW_NONE && end < 2; ++end) {
       const vec at_last = (after - load(ale->cut_a + k) * (before + after)) * on.per_part;
       const vec now = end == 0 ? before + after - at_last : at_last;
-      rubbing rubs = rub_at(ale, arc, &on, k, end);
-      rubbed by = {
-          .slip = {speed * rubs.deep * sink, one - rubs.from, rubs.from, -sense * rubs.rho, none}};
+      sliding slides = sliding_at(ale, arc, &on, k, end);
+      sliding_slopes by = {.slip = {speed * slides.deep * sink, one - slides.from, slides.from,
+                                    -sense * slides.rho, none}};
       vec force[BD_ALE_BYS];
       for (int u = 0; u < BD_ALE_BYS; ++u) {
-        by.normal[u] = where(less(none, rubs.at.normal), presses * normal[u]);
+        by.normal[u] = where(less(none, slides.at.normal), presses * normal[u]);
       }
       const vec more = load((end == 0 ? ale->end_a : ale->end_b) + k) * on.per_part;
-      by.normal[BD_ALE_SHEAR] = where(less(none, rubs.at.normal), on.lies * angle * per_m * more);
+      by.normal[BD_ALE_SHEAR] = where(less(none, slides.at.normal), on.lies * angle * per_m * more);
       by.normal[BD_ALE_M] =
           fnma_(by.normal[BD_ALE_SHEAR], load(ale->shear + k) * per_m, by.normal[BD_ALE_M]);
-      slope_end(&c, &rubs, &on, &by, force, arc->states, y->stride, k, y->z[end], out, end, law,
+      slope_end(&c, &slides, &on, &by, force, arc->states, y->stride, k, y->z[end], out, end, law,
                 has_states);
       force[BD_ALE_M] = fma_(now, per_m, force[BD_ALE_M]);
-      torque[BD_ALE_M] = fnma_(rubs.deep * sink, now, torque[BD_ALE_M]);
+      torque[BD_ALE_M] = fnma_(slides.deep * sink, now, torque[BD_ALE_M]);
       for (int u = 0; u < BD_ALE_BYS; ++u) {
-        torque[u] = fma_(rubs.rho, force[u], torque[u]);
-        rubs_on[0][u] = fma_(one - rubs.from, force[u], rubs_on[0][u]);
-        rubs_on[1][u] = fma_(rubs.from, force[u], rubs_on[1][u]);
+        torque[u] = fma_(slides.rho, force[u], torque[u]);
+        on_nodes[0][u] = fma_(one - slides.from, force[u], on_nodes[0][u]);
+        on_nodes[1][u] = fma_(slides.from, force[u], on_nodes[1][u]);
       }
     }
     for (int end = 0; end < 2; ++end) {
@@ -127,7 +127,7 @@ INLINE void slopes_of(const bd_ale *ale, int j, const bd_ale_state *y, const bd_
           fnma_(lost, load_unaligned(ale->per_stretch + k + 1), sign * damped - lags - through),
           none, none};
       for (int u = 0; u < BD_ALE_BYS; ++u) {
-        store(out->total[end][u] + k, total[u] - rubs_on[end][u]);
+        store(out->total[end][u] + k, total[u] - on_nodes[end][u]);
       }
     }
     for (int u = 0; u < BD_ALE_BYS; ++u) {

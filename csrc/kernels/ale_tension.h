@@ -353,7 +353,7 @@ INLINE void end_span(bd_ale *ale, const bd_ale_state *y, int i) {
 }
 
 /* What a free part bears on a half of a wrap; as waves lift a span the end rolls on. */
-INLINE void press_end(bd_ale *ale, const bd_ale_span *span, double lifted, int from, int to) {
+INLINE void shear_of_end(bd_ale *ale, const bd_ale_span *span, double lifted, int from, int to) {
   const double H = bd_at_least(span->pressing, BD_ALE_LEAST * ale->rest);
   double *const shear = ale->shear;
   const double *const roll = ale->roll;
@@ -362,12 +362,12 @@ INLINE void press_end(bd_ale *ale, const bd_ale_span *span, double lifted, int f
   }
 }
 
-INLINE void press_ends(bd_ale *ale, int j) {
+INLINE void shear_of_ends(bd_ale *ale, int j) {
   const bd_ale_arc *arc = &ale->arcs[j];
   const bd_ale_span *in = &ale->spans[arc->before], *out = &ale->spans[j];
   const int middle = arc->begin + arc->n / 2;
-  press_end(ale, in, in->lifted[1] - in->waves->rolled[1], arc->begin, middle);
-  press_end(ale, out, out->lifted[0] - out->waves->rolled[0], middle, arc->begin + arc->n);
+  shear_of_end(ale, in, in->lifted[1] - in->waves->rolled[1], arc->begin, middle);
+  shear_of_end(ale, out, out->lifted[0] - out->waves->rolled[0], middle, arc->begin + arc->n);
 }
 
 /* All together: no step waits for that of another. */
@@ -405,7 +405,7 @@ static void stretch(bd_ale *ale, const bd_ale_state *y) {
   }
   stretch_spans(ale, y);
   for (int j = 0; j < ale->np; ++j) {
-    press_ends(ale, j);
+    shear_of_ends(ale, j);
   }
   close_cells(ale, ale->stretch);
   close_cells(ale, ale->tension);

@@ -156,9 +156,10 @@ INLINE void correct_points(const filling *f, vec nx, vec ny, vec rho, vec by_nor
 }
 
 /* Points: friction, and on a string the normal forces as well. */
-INLINE void rub_points(const filling *f, const law_constants *constants, const joint_points *from,
-                       const double *zs, const bd_slot *slot, int i, vec_sums *sums, const int belt,
-                       const int law, const int general, const int states) {
+INLINE void fill_point_friction(const filling *f, const law_constants *constants,
+                                const joint_points *from, const double *zs, const bd_slot *slot,
+                                int i, vec_sums *sums, const int belt, const int law,
+                                const int general, const int states) {
   const bd_contact_pulley *pulley = f->pulley;
   const bd_contact_scratch *s = f->scratch;
   const int friction = law != BD_LAW_NONE, stride = f->links->lay.stride;
@@ -390,14 +391,14 @@ INLINE void end_runs(double *const *arrays, size_t n_arrays, int n_runs, const b
 
 /* --- a pulley -------------------------------------------------------------------------------- */
 
-INLINE void press_pulley(const filling *f, int n_runs, const bd_run *runs, vec_sums *sums,
-                         const int belt) {
+INLINE void fill_normal_forces(const filling *f, int n_runs, const bd_run *runs, vec_sums *sums,
+                               const int belt) {
   for (int r = 0; r < n_runs; ++r) {
     for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
       if (f->pulley->hunt_crossley > 0.0) {
-        press_segments(f, i, sums, belt, 1);
+        fill_segment_forces(f, i, sums, belt, 1);
       } else {
-        press_segments(f, i, sums, belt, 0);
+        fill_segment_forces(f, i, sums, belt, 0);
       }
     }
   }
@@ -416,12 +417,12 @@ INLINE void fill_nodes(const filling *f, int n_runs, const bd_run *runs, const i
 }
 
 /* What no law decides is compiled once for all of them: compiling takes half of the time. */
-static void press_links(const filling *f, int n_runs, const bd_run *runs, vec_sums *sums) {
-  press_pulley(f, n_runs, runs, sums, LINKS);
+static void fill_link_forces(const filling *f, int n_runs, const bd_run *runs, vec_sums *sums) {
+  fill_normal_forces(f, n_runs, runs, sums, LINKS);
 }
 
-static void press_string(const filling *f, int n_runs, const bd_run *runs, vec_sums *sums) {
-  press_pulley(f, n_runs, runs, sums, STRING);
+static void fill_string_forces(const filling *f, int n_runs, const bd_run *runs, vec_sums *sums) {
+  fill_normal_forces(f, n_runs, runs, sums, STRING);
 }
 
 static void fill_nodes_links(const filling *f, int n_runs, const bd_run *runs) {
@@ -454,7 +455,7 @@ INLINE bd_fill_sums fill_pulley(const bd_links *links, const bd_tangent *tangent
     return fill_at_centres(&f, n_runs, runs, slot, law, general, states);
   }
   vec_sums sums = {splat(0.0), splat(0.0), splat(0.0), splat(0.0)};
-  (belt == STRING ? press_string : press_links)(&f, n_runs, runs, &sums);
+  (belt == STRING ? fill_string_forces : fill_link_forces)(&f, n_runs, runs, &sums);
   if (friction || belt == STRING) {
     const bd_pressure p = scratch->pressure;
     double *const closed[] = {p.right, p.share_right, p.rate_right, scratch->correction[1]};
@@ -466,7 +467,7 @@ INLINE bd_fill_sums fill_pulley(const bd_links *links, const bd_tangent *tangent
     const law_constants constants = law_prepare(&pulley->friction, pulley->l0, law);
     for (int r = 0; r < n_runs; ++r) {
       for (int i = runs[r].begin; i < runs[r].end; i += WIDTH) {
-        rub_points(&f, &constants, &from, zs, slot, i, &sums, belt, law, general, states);
+        fill_point_friction(&f, &constants, &from, zs, slot, i, &sums, belt, law, general, states);
       }
     }
     end_runs(scratch->point, axis ? BD_POINT_ROWS : OF_MOUNT, n_runs, runs, n);

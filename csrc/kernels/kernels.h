@@ -57,7 +57,7 @@ typedef struct bd_run {
 
 typedef struct bd_sums {
   double torque, contact_loss, friction_loss;
-  double contact_energy; /* of press, where power is asked for */
+  double contact_energy; /* of add_normal_forces, where power is asked for */
   double force[2];       /* on the belt, of contact in one pass */
 } bd_sums;
 
@@ -82,15 +82,15 @@ typedef struct bd_kernels {
    * whose halo before link 0 is that of the last link; friction there [law][ledger], which adds its
    * sums. Forces to accelerations of the links. Squared distance of each link's nearer end. */
   void (*directions)(const bd_links *links, const double *y);
-  void (*press[2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                   const bd_run *runs, const bd_pressure *pressure, const bd_end_forces *out,
-                   const double *y, bd_sums *sums);
+  void (*add_normal_forces[2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                               const bd_run *runs, const bd_pressure *pressure,
+                               const bd_end_forces *out, const double *y, bd_sums *sums);
   void (*gather_points)(const bd_links *links, const double *co, const double *si, const double *y,
                         const bd_points *points);
-  void (*rub[BD_N_LAWS][2])(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                            const bd_run *runs, const bd_points *points,
-                            const bd_pressure *pressure, const bd_end_forces *out, const double *y,
-                            double *dy, bd_sums *sums);
+  void (*add_friction[BD_N_LAWS][2])(const bd_links *links, const bd_contact_pulley *pulley,
+                                     int n_runs, const bd_run *runs, const bd_points *points,
+                                     const bd_pressure *pressure, const bd_end_forces *out,
+                                     const double *y, double *dy, bd_sums *sums);
   void (*scatter_forces)(const bd_links *links, const double *co, const double *si,
                          const bd_end_forces *forces, double *dy);
   void (*nearest_ends)(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,

@@ -8,20 +8,20 @@
 /* A vector of links pressed on a pulley: normal forces at their two ends, shares in contact of the
  * halves that belong to the joints there, and their rates. Power lost and energy stored are added.
  */
-typedef struct pressed_links {
+typedef struct normal_forces {
   vec left, right, share_left, share_right, rate_left, rate_right;
-} pressed_links;
+} normal_forces;
 
-INLINE pressed_links pressed_of(const bd_contact_pulley *pulley, const link_end *a,
-                                const link_end *b, const int ledger, const int hunt_crossley,
-                                vec *loss, vec *energy) {
+INLINE normal_forces link_normal_forces(const bd_contact_pulley *pulley, const link_end *a,
+                                        const link_end *b, const int ledger,
+                                        const int hunt_crossley, vec *loss, vec *energy) {
   const vec none = splat(0.0), one = splat(1.0), half = splat(0.5), third = splat(1.0 / 3.0);
   const vec quadratic = splat(pulley->quadratic), linear = splat(pulley->linear);
   const contact_damping damping = contact_damping_of(pulley);
   const contact_part part = part_of(a, b);
   const vec share = part.x1 - part.x0, middle = half * (part.x0 + part.x1);
   const vec weight = half * share;
-  pressed_links out = {.left = none, .right = none};
+  normal_forces out = {.left = none, .right = none};
   for (int g = -1; g <= 1; g += 2) {
     const vec x = fma_(splat(g * GAUSS), share, middle), back = one - x;
     const vec p = fma_(back, a->p, x * b->p), rate = fma_(back, a->rate, x * b->rate);
@@ -44,10 +44,10 @@ INLINE pressed_links pressed_of(const bd_contact_pulley *pulley, const link_end 
 }
 
 /* Normal forces of the links of the runs on one pulley, added at their ends. */
-INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                  const bd_run *runs, const bd_pressure *pressure, const bd_end_forces *out,
-                  const double *y, bd_sums *sums, const int string, const int ledger,
-                  const int hunt_crossley) {
+INLINE void add_normal_forces(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                              const bd_run *runs, const bd_pressure *pressure,
+                              const bd_end_forces *out, const double *y, bd_sums *sums,
+                              const int string, const int ledger, const int hunt_crossley) {
   const bd_pressure to = *pressure;
   const vec radius = splat(pulley->radius), none = splat(0.0), rim2 = radius * radius;
   vec loss = none, energy = none;
@@ -63,7 +63,8 @@ INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_
         continue;
       }
       const link_end a = end_at(&at, 0, radius), b = end_at(&at, 1, radius);
-      const pressed_links by = pressed_of(pulley, &a, &b, ledger, hunt_crossley, &loss, &energy);
+      const normal_forces by =
+          link_normal_forces(pulley, &a, &b, ledger, hunt_crossley, &loss, &energy);
       store(to.left + i, by.left);
       store(to.right + i, by.right);
       store(to.share_left + i, by.share_left);
@@ -82,10 +83,10 @@ INLINE void press(const bd_links *links, const bd_contact_pulley *pulley, int n_
 }
 
 /* Friction of one pulley at the joints of the runs. */
-INLINE void rub(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
-                const bd_run *runs, const bd_points *points, const bd_pressure *pressure,
-                const bd_end_forces *out, const double *y, double *dy, bd_sums *sums, const int law,
-                const int general, const int states, const int ledger) {
+INLINE void add_friction(const bd_links *links, const bd_contact_pulley *pulley, int n_runs,
+                         const bd_run *runs, const bd_points *points, const bd_pressure *pressure,
+                         const bd_end_forces *out, const double *y, double *dy, bd_sums *sums,
+                         const int law, const int general, const int states, const int ledger) {
   const bd_layout *lay = &links->lay;
   const double *zs = bd_cfield(lay, y, bd_f_state(lay, pulley->slot));
   double *oz = bd_field(lay, dy, bd_f_state(lay, pulley->slot));

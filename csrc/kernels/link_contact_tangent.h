@@ -266,8 +266,8 @@ INLINE void clear_segments(const filling *f, int i, const int belt) {
 }
 
 /* Segments: normal forces, shares, and their rows. */
-INLINE void press_segments(const filling *f, int i, vec_sums *sums, const int belt,
-                           const int hunt_crossley) {
+INLINE void fill_segment_forces(const filling *f, int i, vec_sums *sums, const int belt,
+                                const int hunt_crossley) {
   const bd_contact_scratch *scratch = f->scratch;
   const bd_pressure to = scratch->pressure;
   const vec radius = splat(f->pulley->radius), none = splat(0.0), one = splat(1.0);

@@ -278,14 +278,14 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
   static double joints_##bending##ledger(const bd_links *links, const double *y, double *dy) {     \
     return joints(links, y, dy, bending, ledger);                                                  \
   }
-#define PRESS(string, ledger)                                                                      \
-  static void press_##string##ledger(const bd_links *links, const bd_contact_pulley *pulley,       \
-                                     int n_runs, const bd_run *runs, const bd_pressure *pressure,  \
-                                     const bd_end_forces *out, const double *y, bd_sums *sums) {   \
+#define ADD_NORMAL_FORCES(string, ledger)                                                          \
+  static void add_normal_forces_##string##ledger(                                                  \
+      const bd_links *links, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,      \
+      const bd_pressure *pressure, const bd_end_forces *out, const double *y, bd_sums *sums) {     \
     if (pulley->hunt_crossley > 0.0) {                                                             \
-      press(links, pulley, n_runs, runs, pressure, out, y, sums, string, ledger, 1);               \
+      add_normal_forces(links, pulley, n_runs, runs, pressure, out, y, sums, string, ledger, 1);   \
     } else {                                                                                       \
-      press(links, pulley, n_runs, runs, pressure, out, y, sums, string, ledger, 0);               \
+      add_normal_forces(links, pulley, n_runs, runs, pressure, out, y, sums, string, ledger, 0);   \
     }                                                                                              \
   }
 #define NEAREST_ENDS(string)                                                                       \
@@ -304,21 +304,21 @@ INLINE void contact(const bd_links *links, const bd_contact_pulley *pulley, int 
       contact(links, pulley, n_runs, runs, y, dy, sums, BD_LAW_##law, states, ledger, 0);          \
     }                                                                                              \
   }
-#define RUB(law, general, states, ledger)                                                          \
-  static void rub_##law##_##ledger(const bd_links *links, const bd_contact_pulley *pulley,         \
-                                   int n_runs, const bd_run *runs, const bd_points *points,        \
-                                   const bd_pressure *pressure, const bd_end_forces *out,          \
-                                   const double *y, double *dy, bd_sums *sums) {                   \
-    rub(links, pulley, n_runs, runs, points, pressure, out, y, dy, sums, BD_LAW_##law, general,    \
-        states, ledger);                                                                           \
+#define ADD_FRICTION(law, general, states, ledger)                                                 \
+  static void add_friction_##law##_##ledger(                                                       \
+      const bd_links *links, const bd_contact_pulley *pulley, int n_runs, const bd_run *runs,      \
+      const bd_points *points, const bd_pressure *pressure, const bd_end_forces *out,              \
+      const double *y, double *dy, bd_sums *sums) {                                                \
+    add_friction(links, pulley, n_runs, runs, points, pressure, out, y, dy, sums, BD_LAW_##law,    \
+                 general, states, ledger);                                                         \
   }
 JOINTS(0, 0)
 JOINTS(0, 1)
 JOINTS(1, 0)
 JOINTS(1, 1)
-PRESS(0, 0)
-PRESS(0, 1)
-PRESS(1, 1)
+ADD_NORMAL_FORCES(0, 0)
+ADD_NORMAL_FORCES(0, 1)
+ADD_NORMAL_FORCES(1, 1)
 NEAREST_ENDS(0)
 NEAREST_ENDS(1)
 CONTACT(NONE, 0, 0)
@@ -326,7 +326,7 @@ CONTACT(NONE, 0, 1)
 #define LAW(name, class, general, states, text)                                                    \
   CONTACT(name, states, 0)                                                                         \
   CONTACT(name, states, 1)                                                                         \
-  RUB(name, general, states, 0) RUB(name, general, states, 1)
+  ADD_FRICTION(name, general, states, 0) ADD_FRICTION(name, general, states, 1)
 BD_LAWS(LAW)
 #undef LAW
 
@@ -533,8 +533,8 @@ extern const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL);
 #define KINETIC(name, class, general, states, text) [BD_LAW_##name] = kinetic_##name,
 #define CENTRES(name, class, general, states, text)                                                \
   [BD_LAW_##name] = {contact_##name##_0, contact_##name##_1},
-#define RUB_LINKS(name, class, general, states, text)                                              \
-  [BD_LAW_##name] = {rub_##name##_0, rub_##name##_1},
+#define LINK_FRICTION(name, class, general, states, text)                                          \
+  [BD_LAW_##name] = {add_friction_##name##_0, add_friction_##name##_1},
 #define BARS(name, class, general, states, text)                                                   \
   [BD_LAW_##name] = {string_contact_##name##_0, string_contact_##name##_1},
 #define RIGID_LINKS .joints = {{joints_00, joints_01}, {joints_10, joints_11}}
@@ -542,7 +542,8 @@ extern const bd_ale_kernels PASTE(bd_ale_, BD_LEVEL);
 
 const bd_kernels PASTE(bd_kernels_, BD_LEVEL)[BD_N_BELT_MODELS] = {
     [BD_BELT_MODEL_joint] = {SHARED, RIGID_LINKS, ALONG, .newton = &PASTE(bd_newton_, BD_LEVEL),
-                             .press = {press_00, press_01}, .rub = {BD_LAWS(RUB_LINKS)},
+                             .add_normal_forces = {add_normal_forces_00, add_normal_forces_01},
+                             .add_friction = {BD_LAWS(LINK_FRICTION)},
                              .nearest_ends = nearest_ends_0, .directions = directions,
                              .gather_points = gather_points, .scatter_forces = scatter_forces,
                              .sum_forces = sum_forces},
@@ -550,7 +551,8 @@ const bd_kernels PASTE(bd_kernels_, BD_LEVEL)[BD_N_BELT_MODELS] = {
                               .joints = {{string_joints_0, string_joints_1}},
                               .contact = {{string_contact_NONE_0, string_contact_NONE_1},
                                           BD_LAWS(BARS)},
-                              .press = {NULL, press_11}, .nearest_ends = nearest_ends_1},
+                              .add_normal_forces = {NULL, add_normal_forces_11},
+                              .nearest_ends = nearest_ends_1},
     [BD_BELT_MODEL_paper] = {SHARED, RIGID_LINKS, .newton = &PASTE(bd_newton_centres_, BD_LEVEL),
                              .contact = {{contact_NONE_0, contact_NONE_1}, BD_LAWS(CENTRES)},
                              .find_contact_event = {find_contact_event_00, find_contact_event_01}},

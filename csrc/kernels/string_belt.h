@@ -143,12 +143,12 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
   vec torque = none, friction_loss = none, contact_loss = none, energy = none;
   vec sum_x = none, sum_y = none;
   for (int r = 0; r < n_runs; ++r) {
-    pressed_links before = {none, none, none, none, none, none};
+    normal_forces before = {none, none, none, none, none, none};
     if (runs[r].begin == 0 && runs[n_runs - 1].end >= n) {
       const link_end end = one_end(lay, pulley, y, n - 1, radius);
       const link_end first = one_end(lay, pulley, y, 0, radius);
       vec counted[2] = {none, none}; /* with the last bar */
-      before = pressed_of(pulley, &end, &first, 0, hunt_crossley, &counted[0], &counted[1]);
+      before = link_normal_forces(pulley, &end, &first, 0, hunt_crossley, &counted[0], &counted[1]);
     }
     link_end at[BLOCKS + 1];
     /* runs end at whole BD_LANES: the blocks behind the last mass would lose power once more */
@@ -167,11 +167,11 @@ INLINE void string_contact(const bd_links *links, const bd_contact_pulley *pulle
       /* a mass on the axis has no penetration that is a number, and must show it */
       const mask off = less(here.p, none) & less(after.p, none);
       if (!any(except(every, off) | less(none, before.share_right))) {
-        before = (pressed_links){none, none, none, none, none, none};
+        before = (normal_forces){none, none, none, none, none, none};
         continue;
       }
-      const pressed_links bar =
-          pressed_of(pulley, &here, &after, ledger, hunt_crossley, &contact_loss, &energy);
+      const normal_forces bar =
+          link_normal_forces(pulley, &here, &after, ledger, hunt_crossley, &contact_loss, &energy);
       const vec normal = where(mass, bar.left + from_left(before.right, bar.right));
       vec fx = normal * here.nx, fy = normal * here.ny;
       if (friction) {

@@ -248,7 +248,8 @@ struct bd_belt_model {
   int (*turns)(const bd_plan *plan, const double *y, int j);
   /* Sum of squares of what the joints' stretches in two states, of plans of their own whose rates
    * were the last to be evaluated there, are apart. */
-  double (*apart)(const bd_plan *plan, const double *y, const bd_plan *other, const double *v);
+  double (*stretch_difference)(const bd_plan *plan, const double *y, const bd_plan *other,
+                               const double *v);
 };
 
 /* Of a polygon whose links turn by 2 a each: the speed of their centres, as it turns about the axis

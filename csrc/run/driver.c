@@ -298,7 +298,7 @@ static double unseen_error(bd_sim *sim, double h) {
   const double of_stages = 1.0, of_single = 50.0, not_falling = 0.1;
   const double off =
       stepper->model->belt_model->off_line(&stepper->plan, stepper->y, stepper->y_new, h);
-  const double counts = !sim->twin.falls          ? not_falling
+  const double counts = !sim->twin.friction_falls ? not_falling
                         : stepper->now->order > 2 ? of_stages
                                                   : of_single;
   return counts * off / stepper->rtol *

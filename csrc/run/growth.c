@@ -141,8 +141,8 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
   bd_twin *t = &sim->twin;
   const bd_model *model = sim->stepper.model;
   t->stiff = fabs(model->info.strain) * model->info.link_length > STIFF * bd_least_slip(model);
-  t->light = bd_wave_life(model) > LIGHT * bd_round_time(model);
-  t->falls = bd_friction_falls(model);
+  t->lightly_damped = bd_wave_life(model) > LIGHT * bd_round_time(model);
+  t->friction_falls = bd_friction_falls(model);
   double rounds = (sim->t_end - sim->t0) / bd_round_time(model);
   t->whole = rounds <= SHORT;
   t->next_begin = t->whole ? 0.0 : fmin(FIRST, rounds / 3.0);
@@ -162,10 +162,10 @@ int bd_twin_create(bd_sim *sim, const bd_torque *torque) {
 }
 
 /* Root mean square of the difference of the joints' stretches, over the stretch at rest. */
-static double apart(const bd_sim *one, const bd_sim *other) {
+static double relative_distance(const bd_sim *one, const bd_sim *other) {
   const bd_model *model = one->stepper.model;
-  const double sum = model->belt_model->apart(&one->stepper.plan, one->stepper.y,
-                                              &other->stepper.plan, other->stepper.y);
+  const double sum = model->belt_model->stretch_difference(&one->stepper.plan, one->stepper.y,
+                                                           &other->stepper.plan, other->stepper.y);
   return sqrt(sum / model->lay.n) / (model->info.strain * model->info.link_length);
 }
 
@@ -256,7 +256,7 @@ static double displace(bd_sim *sim, bd_sim *twin) {
 
 static double next_look(const bd_sim *sim) {
   const double run = sim->t_end - sim->t0, round = bd_round_time(sim->stepper.model);
-  const double look = sim->twin.falls ? FRESH : LOOK;
+  const double look = sim->twin.friction_falls ? FRESH : LOOK;
   return (sim->stepper.t - sim->twin.t_begin) / round +
          (sim->twin.whole ? fmin(look, run / (LOOKS * round)) : look);
 }
@@ -267,8 +267,8 @@ static void begin(bd_sim *sim) {
   if (t->still) {
     copy(sim, t->still);
   }
-  t->apart = displace(sim, t->sim);
-  t->grown = fmax(100.0, fmin(ERRORS * allowed(sim), LARGE) / t->apart);
+  t->first_distance = displace(sim, t->sim);
+  t->warn_at = fmax(100.0, fmin(ERRORS * allowed(sim), LARGE) / t->first_distance);
   t->active = 1;
   t->least = t->before = 1.0;
   t->t_begin = sim->stepper.t;
@@ -343,27 +343,27 @@ static void follow(bd_sim *sim) {
   }
   double rounds = (sim->stepper.t - t->t_begin) / bd_round_time(sim->stepper.model);
   const int looks = rounds >= t->next_look;
-  if (!looks && !t->falls && sim->stepper.t < sim->t_end) {
+  if (!looks && !t->friction_falls && sim->stepper.t < sim->t_end) {
     return;
   }
   t->next_look = looks ? next_look(sim) : t->next_look;
-  const double difference = apart(still, t->sim) / t->apart;
+  const double difference = relative_distance(still, t->sim) / t->first_distance;
   t->least = fmin(t->least, fmax(DECAYED, difference));
   const double growth = difference / t->least;
   const int rises = growth > CALM && difference > t->before;
   t->before = difference;
-  t->most = fmax(t->most, t->whole || t->falls ? growth : difference);
-  if (difference > t->grown) {
+  t->most = fmax(t->most, t->whole || t->friction_falls ? growth : difference);
+  if (difference > t->warn_at) {
     conclude(sim, difference);
   }
   int calm =
       !t->suspected && ((rounds > USUAL && growth < CALM) || (rounds > LEAST && growth < QUIET));
-  t->excused |= t->times_chattered > 0 && rounds > USUAL && difference <= t->grown;
-  int dear = rounds > USUAL && !rises && !t->whole && !t->falls &&
-             (double)t->steps > ENOUGH * (double)sim->stats.steps;
-  if (t->grows || rounds > MOST || calm || dear) {
+  t->excused |= t->times_chattered > 0 && rounds > USUAL && difference <= t->warn_at;
+  int too_costly = rounds > USUAL && !rises && !t->whole && !t->friction_falls &&
+                   (double)t->steps > ENOUGH * (double)sim->stats.steps;
+  if (t->grows || rounds > MOST || calm || too_costly) {
     t->active = 0;
-  } else if (t->falls && looks && difference < 1.0) {
+  } else if (t->friction_falls && looks && difference < 1.0) {
     displace(sim, t->sim);
     bd_stepper_reset(&t->sim->stepper);
     t->least = t->before = 1.0;
@@ -385,8 +385,8 @@ static void begin_missed(bd_sim *sim) {
     m->pair[k]->stepper.method = m->pair[k]->stepper.now = bd_method_find("tsit5");
     m->pair[k]->stats.steps = 0;
   }
-  m->apart = displace(sim, m->pair[1]);
-  m->grown = m->before = 1.0;
+  m->first_distance = displace(sim, m->pair[1]);
+  m->growth = m->before = 1.0;
   m->next_look = LOOK_STEPS;
   m->t_begin = sim->stepper.t;
   m->active = 1;
@@ -394,7 +394,7 @@ static void begin_missed(bd_sim *sim) {
 
 static void conclude_missed(bd_sim *sim) {
   bd_twin *t = &sim->twin;
-  const double folding = (sim->stepper.t - t->missed.t_begin) / log(t->missed.grown);
+  const double folding = (sim->stepper.t - t->missed.t_begin) / log(t->missed.growth);
   note_growth(sim, folding);
   BD_WARN(sim, BD_WARN_growth, t->missed.t_begin, -1, -1,
           "vibrations of the belt grow from t = %.6g s on, by a factor of e in %.2g s, which "
@@ -429,14 +429,15 @@ static void follow_missed(bd_sim *sim) {
     return;
   }
   m->next_look = steps + LOOK_STEPS;
-  const double difference = apart(m->pair[0], m->pair[1]) / m->apart;
-  m->grown = fmax(1.0, m->grown * fmin(LEAP, difference / m->before));
+  const double difference = relative_distance(m->pair[0], m->pair[1]) / m->first_distance;
+  m->growth = fmax(1.0, m->growth * fmin(LEAP, difference / m->before));
   m->before = difference;
-  m->t_begin = m->grown > 1.0 ? m->t_begin : sim->stepper.t;
-  if (m->grown > MISSED) {
+  m->t_begin = m->growth > 1.0 ? m->t_begin : sim->stepper.t;
+  if (m->growth > MISSED) {
     conclude_missed(sim);
   }
-  m->active = !(m->grown > MISSED || steps > MANY_STEPS || (steps > FEW_STEPS && m->grown < RISES));
+  m->active =
+      !(m->growth > MISSED || steps > MANY_STEPS || (steps > FEW_STEPS && m->growth < RISES));
 }
 
 static void watch_missed(bd_sim *sim) {
@@ -459,8 +460,8 @@ void bd_twin_follow(bd_sim *sim) {
   }
   double rounds = (sim->stepper.t - sim->t0) / bd_round_time(sim->stepper.model);
   const int few = (double)t->steps <= SUSPECTED * (double)sim->stats.steps;
-  const int suspected = t->chatters || t->times_chattered > 0 || t->stiff || t->light;
-  const int due = (t->falls || (suspected && few)) && rounds > LEAST;
+  const int suspected = t->chatters || t->times_chattered > 0 || t->stiff || t->lightly_damped;
+  const int due = (t->friction_falls || (suspected && few)) && rounds > LEAST;
   int last = !t->last && sim->t_end - sim->stepper.t < LAST * bd_round_time(sim->stepper.model) &&
              rounds > LAST;
   if (rounds > t->next_begin || due || last) {

@@ -48,21 +48,22 @@ typedef struct bd_guard {
 
 /* Two simulations in steps that follow what those of the run are too long for (growth.c). */
 typedef struct bd_missed {
-  bd_sim *pair[2];       /* as the run is, displaced */
-  double step;           /* theirs, at most; 0: nothing is missed */
-  long steps;            /* made by both, in all periods */
-  int active;            /* a period is on */
-  double next_begin;     /* of the next period, in lengths of the run */
-  double apart, t_begin; /* first difference of this one; since when it grows */
-  double grown, before;  /* growth so far; difference at the last look, over the first */
-  long next_look;        /* in steps of one of the pair */
+  bd_sim *pair[2];                /* as the run is, displaced */
+  double step;                    /* theirs, at most; 0: nothing is missed */
+  long steps;                     /* made by both, in all periods */
+  int active;                     /* a period is on */
+  double next_begin;              /* of the next period, in lengths of the run */
+  double first_distance, t_begin; /* of this one; since when it grows */
+  double growth, before;          /* so far; difference at the last look, over the first */
+  long next_look;                 /* in steps of one of the pair */
 } bd_missed;
 
 /* A second simulation beside the run, for short periods (growth.c). */
 typedef struct bd_twin {
   bd_missed missed;
   bd_sim *sim, *still;           /* displaced; not displaced, NULL: the run itself */
-  int stiff, light, falls;       /* stiff, falling friction; light damping of the belt */
+  int stiff, friction_falls;     /* friction of either kind */
+  int lightly_damped;            /* the belt */
   int whole;                     /* the run is so short that one period is all of it */
   double least, before;          /* differences of this period over the first: least, last */
   int active, grows;             /* a period is on; growth has been seen */
@@ -71,9 +72,10 @@ typedef struct bd_twin {
   int excused;                   /* links chattered over a whole period, and nothing grew */
   double next_begin;             /* of the next period, in rounds of a wave since the start */
   double t_begin, next_look;     /* start of this one; its next comparison */
-  double apart, grown, most;     /* first difference; growth to warn of; largest seen */
-  long steps, events;            /* made by twins; contacts changed at the last count */
-  double t_events, t_chatter;    /* time of the last count; since when links chatter */
+  double first_distance;
+  double warn_at, most;       /* growth to warn of; largest seen */
+  long steps, events;         /* made by twins; contacts changed at the last count */
+  double t_events, t_chatter; /* time of the last count; since when links chatter */
   uint64_t random;
   double seen_t[2], *seen; /* torques of the run at a step's ends */
   double *theta;           /* pulleys' angles at the last count */

@@ -142,11 +142,11 @@ static int list(const bd_sim *sim, int rates, pass *passes) {
     passes[n++] = (pass){"factorisation", 1.0, FACTOR, -1};
   }
   for (int k = 0; k < plan->n_effects; ++k) {
-    const int rubs = plan->friction_on && plan->effects[k] == &bd_effect_contact;
-    if (rubs) {
+    const int is_contact = plan->friction_on && plan->effects[k] == &bd_effect_contact;
+    if (is_contact) {
       passes[n++] = (pass){"contact: normal force", rates, WITHOUT_FRICTION, k};
     }
-    passes[n++] = (pass){rubs ? "contact: friction" : bd_sim_pass(sim, k), rates, EFFECT, k};
+    passes[n++] = (pass){is_contact ? "contact: friction" : bd_sim_pass(sim, k), rates, EFFECT, k};
   }
   if (method->implicit) { /* a vector for each solution, and for the rates at both ends */
     passes[n++] = (pass){"solution of the linear system", method->vectors - 2, SOLVE, -1};

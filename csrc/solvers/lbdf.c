@@ -100,14 +100,14 @@ static void inside(bd_stepper *stepper, double h, double s, double *y) {
 /* What the two have in common. */
 #define LINEARLY_IMPLICIT                                                                          \
   .implicit = 1, .vectors = 3, .adaptive = 1, .may_be_fixed = 1, .growth = 2.0,                    \
-  .aim = {100.0, 2.0}, .cost = {1.60, 0.052}, .attempt = attempt, .finish = bd_implicit_finish,    \
-  .inside = inside
+  .error_target = {100.0, 2.0}, .cost = {1.60, 0.052}, .attempt = attempt,                         \
+  .finish = bd_implicit_finish, .inside = inside
 
 const bd_method bd_method_lbdf2 = {.name = "lbdf2",
                                    .order = 2,
                                    .error_order = 3,
                                    .history = 2,
-                                   .aim_smooth = {39.0, 1.4},
+                                   .error_target_smooth = {39.0, 1.4},
                                    LINEARLY_IMPLICIT};
 
 const bd_method bd_method_lie = {

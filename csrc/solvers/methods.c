@@ -40,18 +40,20 @@ const bd_method *bd_method_find(const char *name) {
   return NULL;
 }
 
-typedef struct aim {
+typedef struct error_target {
   double factor, exponent;
-} aim;
+} error_target;
 
 /* Of a belt that says by which share of rtol, local errors add up as those of smooth motions do: to
  * what goes with the order of the method. */
-static aim aim_of(const bd_method *method, const bd_model *model) {
+static error_target error_target_of(const bd_method *method, const bd_model *model) {
   const bd_belt_facts *belt = &model->belt_model->facts;
-  const double *as = belt->smooth && method->aim_smooth[0] > 0.0 ? method->aim_smooth : method->aim;
+  const double *as = belt->smooth && method->error_target_smooth[0] > 0.0
+                         ? method->error_target_smooth
+                         : method->error_target;
   return belt->by_rtol > 0.0
-             ? (aim){belt->by_rtol, (double)method->error_order / (double)method->order}
-             : (aim){as[0], as[1]};
+             ? (error_target){belt->by_rtol, (double)method->error_order / (double)method->order}
+             : (error_target){as[0], as[1]};
 }
 
 /* Of methods that look back, differences of states say nothing below what rounding leaves of a
@@ -64,12 +66,12 @@ static aim aim_of(const bd_method *method, const bd_model *model) {
 double bd_method_tolerance(const bd_method *method, const bd_model *model, double rtol) {
   const int back = method->history > 0;
   const double least = back ? 1e-10 : 0.0, most = method->implicit && !back ? 1.0 : 0.22;
-  const aim to = aim_of(method, model);
+  const error_target to = error_target_of(method, model);
   return fmax(least, fmin(most, to.factor * pow(rtol, to.exponent)));
 }
 
 double bd_method_error(const bd_method *method, const bd_model *model, double local) {
-  const aim from = aim_of(method, model);
+  const error_target from = error_target_of(method, model);
   return pow(local / from.factor, 1.0 / from.exponent);
 }
 

@@ -32,7 +32,7 @@ const bd_method bd_method_rk4 = {
     .may_be_fixed = 1,
     .stability = 2.78,
     .growth = 1.0,
-    .aim = {1.0, 1.0},
+    .error_target = {1.0, 1.0},
     .cost = {0.40, 0.025},
     BD_EXPLICIT(&tableau),
 };

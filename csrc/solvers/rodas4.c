@@ -55,8 +55,8 @@ const bd_method bd_method_rodas4 = {
     .vectors = 8,
     .adaptive = 1,
     .growth = 5.0,
-    .aim = {10.0, 1.0},
-    .aim_smooth = {70.0, 1.0},
+    .error_target = {10.0, 1.0},
+    .error_target_smooth = {70.0, 1.0},
     .cost = {3.00, 0.150},
     BD_ROSENBROCK(&coefficients),
 };

@@ -158,25 +158,26 @@ enum { MAX_HISTORY = 2 }; /* earlier states that a multistep method may look bac
 
 /* An integration method, a row of the table in methods.c.
  *
- * aim: what it must hold its local errors below for joint forces to come out about as near, over
- * the mean tension, as rtol asks, measured with benchmarks/calibration.py: damping out the belt's
- * vibration, as methods of low order do, is an error that adds up over time, so they need local
- * errors that go with the square. Contact along the links has no jumps, and there errors of calm
- * drives come out smaller: aim_smooth. cost: measured with benchmarks/kernels.py. */
+ * error_target: what it must hold its local errors below for joint forces to come out about as
+ * near, over the mean tension, as rtol asks, measured with benchmarks/calibration.py: damping out
+ * the belt's vibration, as methods of low order do, is an error that adds up over time, so they
+ * need local errors that go with the square. Contact along the links has no jumps, and there errors
+ * of calm drives come out smaller: error_target_smooth. cost: measured with benchmarks/kernels.py.
+ */
 typedef struct bd_method {
   const char *name;
   int implicit;
   int order;
-  int error_order;      /* local errors go with this power of the step */
-  int vectors;          /* of the size of the state, in bd_stepper.stage */
-  int history;          /* earlier states it looks back on */
-  int adaptive;         /* its errors can set its step */
-  int middle;           /* works are summed by the power in the middle of a step as well */
-  int may_be_fixed;     /* bd_options.step is the step, not the first one */
-  double stability;     /* limit of h |lambda|; 0: none */
-  double growth;        /* of the step, at most */
-  double aim[2];        /* local errors are held below aim[0] rtol^aim[1] */
-  double aim_smooth[2]; /* the same where contact is along the links; 0: as aim */
+  int error_order;        /* local errors go with this power of the step */
+  int vectors;            /* of the size of the state, in bd_stepper.stage */
+  int history;            /* earlier states it looks back on */
+  int adaptive;           /* its errors can set its step */
+  int middle;             /* works are summed by the power in the middle of a step as well */
+  int may_be_fixed;       /* bd_options.step is the step, not the first one */
+  double stability;       /* limit of h |lambda|; 0: none */
+  double growth;          /* of the step, at most */
+  double error_target[2]; /* local errors are held below error_target[0] rtol^error_target[1] */
+  double error_target_smooth[2]; /* the same where contact is along the links; 0: as error_target */
   double cost[2]; /* microseconds of a step and of a link in it, measured; only ratios count */
   /* A step of length h from stepper->y into stepper->y_new; *error: its estimate over the weights,
    * infinite if a number is not finite. */

@@ -61,8 +61,8 @@ const bd_method bd_method_tsit5 = {
     .adaptive = 1,
     .stability = 3.5,
     .growth = 5.0,
-    .aim = {1.0, 1.0},
-    .aim_smooth = {2.0, 1.0},
+    .error_target = {1.0, 1.0},
+    .error_target_smooth = {2.0, 1.0},
     .cost = {0.40, 0.032},
     BD_EXPLICIT(&tableau),
 };
