@@ -9,7 +9,7 @@ from typing import Any
 import attrs
 import numpy as np
 import pytest
-from beltdyn_kubas import LINKS, QUANTITIES, search
+from beltdyn_kubas import LINKS, QUANTITIES, paper_numbers, search
 from beltdyn_kubas.paper_numbers import demands, misfit, residuals
 from tiers import ci_if
 
@@ -24,14 +24,16 @@ DEMANDED = [q.name for q in QUANTITIES if q.demanded]
 @pytest.fixture(scope="module")
 def results() -> tuple[bd.Result, bd.Result]:
     """Both cases with the published set."""
-    return search._runs(bd.scenes.kubas_case_1().params)
+    first, second = (
+        bd.simulate(*scene, t_eval=search._T, ledger=False, method=search._METHOD)
+        for scene in (bd.scenes.kubas_case_1(), bd.scenes.kubas_case_2())
+    )
+    return first, second
 
 
 @pytest.fixture(scope="module")
-def published(results: tuple[bd.Result, bd.Result]) -> search.Trial:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(search, "_runs", lambda _params: results)
-        return search.evaluate(bd.scenes.kubas_case_1().params)
+def published() -> search.Trial:
+    return search.evaluate(bd.scenes.kubas_case_1().params)
 
 
 WAYS = {
@@ -49,8 +51,12 @@ def test_the_published_set_beats_both_starts(published: search.Trial, start: str
     assert published.misfit < trial.misfit < np.inf
 
 
-def test_misfit_and_cost_of_a_trial(published: search.Trial) -> None:
+def test_misfit_and_cost_of_a_trial(
+    published: search.Trial, results: tuple[bd.Result, bd.Result]
+) -> None:
     """Of the published set, which is one of both cases and holds every demand."""
+    read = [paper_numbers.read(results[k], k + 1, LINKS[k]) for k in range(2)]
+    assert published.values == {**read[0], **read[1]}
     assert bd.scenes.kubas_case_1().params == bd.scenes.kubas_case_2().params
     assert published.links == LINKS
     assert published.missed == ()
@@ -104,11 +110,11 @@ def test_exploring_is_the_same_for_any_number_of_threads(
 ) -> None:
     """Of what is tried and of its costs, be they of runs or of the strategy's own steps alone."""
 
-    def mass(params: bd.Params) -> search.Trial:
-        return search.Trial(params, cost=params.belt.linear_density)
+    def masses(drives: list[bd.Params], **_: Any) -> list[search.Trial]:
+        return [search.Trial(params, cost=params.belt.linear_density) for params in drives]
 
     if not runs:
-        monkeypatch.setattr(search, "evaluate", mass)
+        monkeypatch.setattr(search, "evaluate_all", masses)
 
     def explore(workers: int, seed: int) -> list[search.Trial]:
         return search.explore(
@@ -127,7 +133,9 @@ def test_a_trade_off_is_the_step_of_the_weighted_least_squares(
     """As far as it is linear: the quantity comes nearer to the paper, and the sum of squares,
     which was least, grows.
     """
-    monkeypatch.setattr(search, "evaluate", lambda drive, links: search.Trial(drive, links))
+    monkeypatch.setattr(
+        search, "evaluate_all", lambda drives, links, **_: [search.Trial(d, links) for d in drives]
+    )
     free = search.UNKNOWNS[:3]
     names, rng = ["minimum", "maximum", "start", "end", "friction"], np.random.default_rng(1)
     jacobian = 5.0 * rng.standard_normal((5, 3))

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import sys
+import warnings
 from typing import Any
 
 import attrs
@@ -30,7 +31,7 @@ from beltdyn.many.dispatch import Dispatch
 from beltdyn.sweeping import names
 from beltdyn.sweeping.measure import as_measure
 
-pytestmark = pytest.mark.filterwarnings("ignore:long_links")
+pytestmark = pytest.mark.filterwarnings("ignore:(long_links|no_result)")
 
 
 def run(*args: Any, **options: Any) -> xr.Dataset:
@@ -163,7 +164,7 @@ def test_a_name_changes_what_it_stands_for() -> None:
     assert found["pulleys.omega.final"].values[0, 0, 0] == -15.0
 
 
-def test_a_warm_start_goes_on_from_the_run_before() -> None:
+def test_a_warm_start_goes_on_from_the_run_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """As by hand: the final state, at t = 0, is the start of the next run along that name."""
     scene = plain()
     over = {"torque.scale": SCALES, "friction.mu_k": [0.5, 1.0]}
@@ -185,20 +186,53 @@ def test_a_warm_start_goes_on_from_the_run_before() -> None:
     assert bits(warm["span_tension"][2]) == bits(cold["span_tension"][2])
     # One state for all runs that differ in loads or options alone, one for each drive
     loads: dict[str, Any] = {"torque.scale": [k / 20 for k in range(20)], "rtol": [1e-3, 1e-4]}
+    settled: list[bd.Params] = []
+
+    def counted(params: bd.Params, **options: Any) -> bd.State:
+        settled.append(params)
+        return bd.settle(params, **options)
+
+    monkeypatch.setattr("beltdyn.sweeping.work.settle", counted)
+
+    def settles(*args: Any, **options: Any) -> int:
+        settled.clear()
+        assert do(*args, "stats.steps", **options).computed > 0
+        return len(settled)
+
     for executor in (1, "threads"):
-        swept = do(plain(), loads, "stats.steps", executor=executor)
-        assert (swept.settled, swept.computed) == (1, 40)
-    assert do(plain(), {**loads, "friction.mu_k": [0.5, 0.7]}, "stats.steps").settled == 2
+        assert settles(plain(), loads, executor=executor) == 1
+    assert settles(plain(), {**loads, "friction.mu_k": [0.5, 0.7]}) == 2
     speeds = {"motion.scale": [1.0, 1.5], "torque.scale": [0.5, 1.0]}
-    assert do(moved(), speeds, "stats.steps").settled == 2  # it runs at the speed
-    assert do(plain(), loads, "stats.steps", initial=bd.settle(plain().params)).settled == 0
+    assert settles(moved(), speeds) == 2  # it runs at the speed
+    assert settles(plain(), loads, initial=bd.settle(plain().params)) == 0
     # of a drive that does not settle all runs fail, with one message, at the cost of one
     params = plain().params
     loose = attrs.evolve(params.tensioning, move_time=1e-9, offset=[(0.0, 0.0), (-0.2, 0.0)])
     scene = plain()._replace(params=attrs.evolve(params, tensioning=loose))
+    assert settles(scene, {"torque.scale": SCALES}) == 1
     swept = do(scene, {"torque.scale": SCALES}, "stats.steps")
-    assert swept.settled == 1 and swept.counts in ({"failed": 3}, {"refused": 3})
+    assert swept.counts in ({"failed": 3}, {"refused": 3})
     assert len({str(one) for one in swept.dataset.message.values}) == 1
+
+
+def test_a_sweep_warns_of_runs_without_result() -> None:
+    """How many of how many, and why the first; as an error it holds the dataset."""
+    over = {"belt.axial_stiffness": [7e4, -1.0, 0.0], "t_end": [1e-3, 2e-3]}
+    with pytest.raises(bd.BeltdynWarning) as caught, warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run(small(), over, "stats.steps")
+    table: xr.Dataset = caught.value.dataset  # type: ignore[attr-defined]
+    assert list(table["status"].values.ravel()) == 2 * ["finished"] + 4 * ["refused"]
+    why = table["message"].values[1, 0]
+    assert "axial_stiffness" in why
+    text = f"no_result: 4 of 6 runs have no result (4 refused); the first: {why}; status"
+    assert str(caught.value).startswith(text)
+    with pytest.warns(bd.BeltdynWarning, match="1 of 2 runs have no result") as told:
+        run(small(), {"t_end": [1e-3, -1.0]}, "stats.steps")
+    assert [one.filename for one in told] == [__file__]  # of who called
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run(small(), {"t_end": [1e-3]}, "stats.steps")
 
 
 def test_reductions_are_of_the_last_part() -> None:

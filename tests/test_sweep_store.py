@@ -93,7 +93,7 @@ def check_resumed(folder: Path, expected: Any) -> None:
     after = keys(folder)
     assert len(after) == len(set(after)) == 2 * N and set(before) <= set(after)
     again = sweep(folder, "threads")
-    assert (again.stored, again.computed, again.settled) == (2 * N, 0, 0)
+    assert (again.stored, again.computed, again.workers) == (2 * N, 0, "none")
     same(again.dataset, expected)
 
 
@@ -219,7 +219,7 @@ def test_what_an_extended_sweep_finds(
         do(plain(), measure=MEASURE, store=store, t_eval=TIMES, **longer)
         for store in (tmp_path, None)
     )
-    assert (here.stored, here.settled) == (3, 0)
+    assert (here.stored, here.computed) == (3, 0)
     same(here.dataset, anew.dataset)
     monkeypatch.setattr(content._core, "__version__", "0.0.0")
     assert counts() == (0, 2)

@@ -90,6 +90,11 @@ class RunWarning:
                       reaches (:class:`SpeedTable`, :class:`Motor`), which is constant there: give
                       it up to this speed
 
+    Of a sweep, issued when it has ended::
+
+        no_result     runs were refused, failed or lost: ``status`` and ``message`` of its dataset,
+                      which as an error it has in its attribute ``dataset``
+
     Attributes:
         code: Its name, such as "mesh" or "full_slip"; ``str()`` begins with it.
         text: One sentence: what was found, how much of it, what to try.

@@ -39,7 +39,6 @@ class Cost:
 
     computed: int  # runs
     stored: int  # runs that were found in the store
-    settled: int  # states
     workers: str  # what computed them, in words
 
 
@@ -74,7 +73,7 @@ def collect(
     if progress and stored:
         print(f"{label}: {stored} of {len(rows)} runs found in the store", file=sys.stderr)
     if not todo:
-        return Cost(0, stored, 0, "none")
+        return Cost(0, stored, "none")
     with pool() as workers, counted(progress, label) as show:
         show(done, len(rows), text)
 
@@ -95,7 +94,7 @@ def collect(
             if kept is not None:
                 with without_ctrl_c():
                     kept.flush()
-    return Cost(len(todo), stored, dispatch.settled, words)
+    return Cost(len(todo), stored, words)
 
 
 def outcomes(

@@ -78,8 +78,6 @@ class Dispatch:
         #: Batches on their way, of which set of workers, and whether with no other.
         self._flying: dict[Future[Any], tuple[list[int], int, bool]] = {}
         self._workers = 0
-        #: States that were settled.
-        self.settled = 0
 
     def all(self) -> None:
         """Do all runs; at Ctrl-C, and what an executor raises, what ended is handed over."""
@@ -159,7 +157,6 @@ class Dispatch:
 
     def _take(self, batch: list[int], result: Batch) -> None:
         for run, outcome in zip(batch, result.outcomes, strict=False):
-            self.settled += outcome.settled
             self._end(run, outcome)
         if result.seconds:
             mean = sum(result.seconds) / len(result.seconds)

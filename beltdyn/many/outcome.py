@@ -38,7 +38,6 @@ class Outcome:
     reproducible: bool = True
     #: What a run that follows it starts from, such as its final state, as numbers; or empty.
     final: Array = attrs.field(factory=lambda: np.zeros(0))
-    settled: int = 0  # states that were settled for it, which later runs may share
 
     @property
     def lasting(self) -> bool:

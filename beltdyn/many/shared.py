@@ -28,15 +28,9 @@ class Shared(Generic[_Value]):
         self._lock = threading.Lock()
         self._found: OrderedDict[Hashable, tuple[threading.Lock, list[_Value | Exception]]]
         self._found = OrderedDict()
-        self._mine = threading.local()
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self._make,)
-
-    @property
-    def made(self) -> int:
-        """How many this thread has made or tried to."""
-        return getattr(self._mine, "made", 0)
 
     def get(self, key: Hashable, *of: Any, **named: Any) -> _Value:
         """Return the value of a key; if it is not there it is made, of the other arguments."""
@@ -47,7 +41,6 @@ class Shared(Generic[_Value]):
                 self._found.popitem(last=False)
         with one:
             if not held:
-                self._mine.made = self.made + 1
                 try:
                     held.append(self._make(*of, **named))
                 except Exception as error:

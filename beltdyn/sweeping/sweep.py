@@ -8,16 +8,19 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, ParamSpec
 
 import attrs
+import numpy as np
 
 from .. import _core, scenes
 from ..base.checks import close_to, flag, positive, sample_times
 from ..base.optional import optional_module
 from ..base.run_options import Options
+from ..base.run_warnings import BeltdynWarning, RunWarning, issue
 from ..drive.parameters import overlap
 from ..drive.scene import Scene
 from ..loads.motions import as_motions, in_core
@@ -58,15 +61,39 @@ class Swept(Cost):
     """A finished sweep, and its cost."""
 
     dataset: Any
-    counts: dict[str, int]  # runs by status
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Runs by status, in the order of these."""
+        found = Counter(self.dataset["status"].values.ravel().tolist())
+        return {status: found[status] for status in STATUSES if found[status]}
+
+    def without_result(self) -> Iterator[RunWarning]:
+        """Yield the warning that runs have no result, if there are such."""
+        bad, total = self.counts, sum(self.counts.values())
+        if bad.pop("finished", 0) < total:
+            status, message = (self.dataset[one].values.ravel() for one in ("status", "message"))
+            first = np.flatnonzero(status != "finished")[0]
+            why = ", ".join(f"{count} {status}" for status, count in bad.items())
+            text = (
+                f"{sum(bad.values())} of {total} runs have no result ({why}); the first: "
+                f"{message[first]}; status and message of the dataset say it of each"
+            )
+            yield RunWarning(code="no_result", text=text)
 
 
 def _table_alone(run: Callable[_Given, Any]) -> Callable[_Given, Any]:
-    """Return a sweep that returns its dataset, without its cost."""
+    """Return a sweep that returns its dataset, and warns of runs without result."""
 
     @functools.wraps(run)
     def table_of(*args: _Given.args, **options: _Given.kwargs) -> Any:
-        return run(*args, **options).dataset
+        swept: Swept = run(*args, **options)
+        try:
+            issue(swept.without_result())
+        except BeltdynWarning as error:  # a filter makes it one: what was computed is not lost
+            error.dataset = swept.dataset  # type: ignore[attr-defined]
+            raise
+        return swept.dataset
 
     return table_of
 
@@ -97,9 +124,9 @@ def sweep(
         )
         table["span_tension.least"].sel(span="span 0")
 
-    A run that fails stops nothing: its numbers are NaN, and ``status``, ``message`` and
-    ``warnings`` of the result say why. States that the belt settles into are shared by the runs
-    that differ in loads, motions and options alone.
+    A run that fails stops nothing: its numbers are NaN, ``status``, ``message`` and ``warnings`` of
+    the result say why, and the warning "no_result" how many there are. States that the belt settles
+    into are shared by the runs that differ in loads, motions and options alone.
 
     Every run gives the same bits wherever it is done, on processors of the same instruction level
     (``kernels`` of the result); otherwise within the errors that its ``rtol`` allows.
@@ -214,7 +241,6 @@ def sweep(
     return Swept(
         **attrs.asdict(cost),
         dataset=_dataset(work, points, table),
-        counts={one: table.counted[one] for one in STATUSES if table.counted[one]},
     )
 
 

@@ -46,9 +46,7 @@ class Work:
 
     def __call__(self, values: Sequence[Any], before: Array | None = None) -> Outcome:
         """Do a run; ``before`` is the final state of the one whose end it starts from."""
-        made = self._states.made
-        outcome = self._run(values, before)
-        return attrs.evolve(outcome, error=None, settled=self._states.made - made)  # to be sent
+        return attrs.evolve(self._run(values, before), error=None)  # to be sent
 
     def _run(self, values: Sequence[Any], before: Array | None) -> Outcome:
         prepared = attempt(lambda: self._scene(values), (TypeError, ValueError))

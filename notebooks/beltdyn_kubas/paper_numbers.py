@@ -187,13 +187,14 @@ def candidates(result: bd.Result, case: int) -> tuple[int, ...]:
     return tuple(int(start[0]) + k for k in range(start.size))
 
 
+def best_link(result: bd.Result, case: int) -> int:
+    """Choose the element with which the run of a case agrees best with the paper."""
+    return min(candidates(result, case), key=lambda link: cost(read(result, case, link)))
+
+
 def best_links(case_1: bd.Result, case_2: bd.Result) -> Links:
     """Choose the elements with which the two runs agree best with the paper."""
-
-    def best(result: bd.Result, case: int) -> int:
-        return min(candidates(result, case), key=lambda link: cost(read(result, case, link)))
-
-    return Links(best(case_1, 1), best(case_2, 2))
+    return Links(best_link(case_1, 1), best_link(case_2, 2))
 
 
 def _row(result: bd.Result, t: float) -> int:

@@ -10,10 +10,8 @@ intervals.
 from __future__ import annotations
 
 import math
-import os
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -27,7 +25,7 @@ from .paper_numbers import (
     QUANTITIES,
     Array,
     Links,
-    best_links,
+    best_link,
     candidates,
     cost,
     demands,
@@ -153,19 +151,6 @@ class Trial:
         )
 
 
-def _runs(params: bd.Params) -> tuple[bd.Result, bd.Result]:
-    state = bd.settle(params)
-    cases = (bd.scenes.kubas_case_1(), bd.scenes.kubas_case_2())
-    first, second = (
-        bd.simulate(
-            params, case.torque_fn, 1.0, t_eval=_T, initial=state, ledger=False,
-            method=_METHOD, max_steps=_MAX_STEPS,
-        )
-        for case in cases
-    )  # fmt: skip
-    return first, second
-
-
 def evaluate(params: bd.Params, links: Links | None = None) -> Trial:
     """Simulate both cases and read the table from them.
 
@@ -173,28 +158,45 @@ def evaluate(params: bd.Params, links: Links | None = None) -> Trial:
         params: The drive, with its tensioning.
         links: The chosen elements; None: those with which it fits best.
     """
-    try:
-        case_1, case_2 = _runs(params)
-    except bd.SimulationError:
-        return Trial(params)
-    if links is None:
-        if not (candidates(case_1, 1) and candidates(case_2, 2)):
-            return Trial(params)
-        links = best_links(case_1, case_2)
-    values = read(case_1, 1, links.case_1) | read(case_2, 2, links.case_2)
-    return Trial(params, links, values, misfit(values), cost(values))
+    return evaluate_all([params], links)[0]
 
 
-def evaluate_all(drives: Iterable[bd.Params], *, workers: int | None = None) -> list[Trial]:
+def evaluate_all(
+    drives: Iterable[bd.Params], links: Links | None = None, *, workers: int | None = None
+) -> list[Trial]:
     """Do :func:`evaluate` for several drives at once, in threads; None: one per processor."""
-    return _map(evaluate, drives, workers)
-
-
-def _map(work: Callable[..., Trial], over: Iterable[Any], workers: int | None) -> list[Trial]:
-    """Map in threads, without issuing warnings."""
-    with warnings.catch_warnings(), ThreadPoolExecutor(workers or os.cpu_count()) as pool:
+    drives = list(drives)
+    parts = [field.name for field in attrs.fields(bd.Params) if field.init]
+    over = [{part: getattr(params, part) for part in parts} for params in drives]
+    options: dict[str, Any] = {"t_eval": _T, "ledger": False, "method": _METHOD}
+    options |= {"max_steps": _MAX_STEPS, "executor": workers, "progress": False}
+    tables = []
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", bd.BeltdynWarning)
-        return list(pool.map(work, over))
+        for case, scene in enumerate((bd.scenes.kubas_case_1(), bd.scenes.kubas_case_2()), 1):
+            link = None if links is None else links[case - 1]
+            read_off = partial(_read_off, case=case, link=link)
+            tables.append(bd.sweep(scene, over, {"paper": read_off}, **options))
+    cases = zip(*([table.isel(run=k) for k in range(len(drives))] for table in tables), strict=True)
+    return [_trial(params, of) for params, of in zip(drives, cases, strict=True)]
+
+
+def _read_off(result: bd.Result, *, case: int, link: int | None) -> dict[str, float]:
+    """Read the table of a case, and the chosen element that it is of."""
+    if link is None:
+        if not candidates(result, case):
+            return {"link": np.nan}
+        link = best_link(result, case)
+    return {"link": link, **read(result, case, link)}
+
+
+def _trial(params: bd.Params, cases: Sequence[Any]) -> Trial:
+    """Return the trial of the rows of both tables."""
+    if any(one["status"] != "finished" or np.isnan(one["paper.link"]) for one in cases):
+        return Trial(params)
+    links = Links(*(int(one["paper.link"]) for one in cases))
+    values = {q.name: float(cases[q.case - 1][f"paper.{q.name}"]) for q in QUANTITIES}
+    return Trial(params, links, values, misfit(values), cost(values))
 
 
 def _value(params: bd.Params, name: str) -> float:
@@ -283,7 +285,7 @@ def explore(
     trials: list[Trial] = []
     for _ in range(generations):
         points = strategy.ask()
-        found = _map(lambda u: evaluate(_drive_at(params, free, u)), points, workers)
+        found = evaluate_all([_drive_at(params, free, u) for u in points], workers=workers)
         strategy.tell(points, [min(trial.cost, 1e6) for trial in found])
         trials += found
     return trials
@@ -366,4 +368,4 @@ def trade_off(
         return np.asarray(np.clip(1.0 + change, *_limits(found.params, free)))
 
     drives = [found.params, *(_drive_at(found.params, free, step(w)) for w in weights)]
-    return _map(lambda drive: evaluate(drive, links), drives, workers)
+    return evaluate_all(drives, links, workers=workers)
