@@ -232,6 +232,25 @@ def test_units_of_torques() -> None:
     assert found(run(params, lambda t, theta, omega: [0.0, 20.0 * most], 0.002), "units")
 
 
+def test_a_crank_that_its_irregularity_turns_back() -> None:
+    """Amplitudes in degrees, as the speed tells exactly: 1 - a o sin; not before it fades in."""
+    amplitude, t_end = math.degrees(0.02), 1e-3
+    for given, fade, turned in (
+        ([0.02, 0.0], None, False),
+        ([amplitude, 0.0], None, True),
+        ([0.4999, 0.0], None, False),
+        ([0.5, 0.05], None, True),  # sin x + 0.2 sin 2x, above 1 before x = 90 deg
+        ([amplitude, 0.0], (t_end, 1.0), False),
+    ):
+        crank = bd.CrankMotion(-84.0, [2, 4], given, fade=fade)
+        with run_warnings.silenced():
+            result = bd.simulate(drive(), steady(0.0), t_end, motion={0: crank})
+        units = [one.text for one in found(result, "units")]
+        assert len(units) == turned
+        if turned and given[1] == 0.0:
+            assert f"to {1.0 - 2.0 * amplitude:.3g} times its mean speed" in units[0]
+
+
 def test_a_driven_drive_without_friction() -> None:
     free = drive(friction=None)
     driven = run(free, steady(-100.0), 0.02)

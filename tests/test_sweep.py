@@ -413,6 +413,7 @@ def test_a_table_has_units_and_texts_and_comes_back_from_a_file(tmp_path: Any) -
 
 BAD_NAMES: list[tuple[Any, str]] = [
     ({"belt.lenght": [1.2]}, "did you mean 'belt.length'"),
+    ({"belt.EA": [1e4]}, "did you mean 'belt.axial_stiffness'"),
     ({"pulleys[pump].inertia": [1.0]}, "no pulley is called 'pump'"),
     ({"torque[2].scale": [1.0]}, "2 part"),
     ({"torque[1].linear": [1.0]}, "not 'linear'"),
@@ -431,6 +432,7 @@ BAD_NAMES: list[tuple[Any, str]] = [
 ]  # fmt: skip
 BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"measure": "span_tensoin"}, "did you mean 'span_tension'"),
+    ({"measure": "span_tension.max"}, "did you mean 'span_tension.most'"),
     ({"measure": "report.pulleys.margn"}, "did you mean 'margin'"),
     ({"measure": "report.pulleys[pump].margin"}, "no pulley is called 'pump'"),
     ({"measure": "mounts.travel"}, "no mounts"),

@@ -71,23 +71,36 @@ def real_numbers(name: str, value: object, unit: str = "1") -> tuple[float, ...]
     return tuple(real(f"{name}[{k}]", one, unit) for k, one in enumerate(value))
 
 
-#: Of names that other packages have, what they are called here.
+#: What other packages, data sheets and formulas call what has these names here.
 _OTHER_WORDS = {
-    **dict.fromkeys(("tolerance", "tol", "accuracy", "reltol"), ("rtol",)),
-    **dict.fromkeys(("solver", "integrator", "algorithm"), ("method",)),
-    **dict.fromkeys(("dt", "timestep", "time_step", "first_step"), ("step",)),
-    **dict.fromkeys(("torque", "torques", "loads"), ("torque_fn",)),
-    **dict.fromkeys(("duration", "t_stop", "tf", "time"), ("t_end",)),
-    **dict.fromkeys(("motions", "speeds"), ("motion",)),
-    **dict.fromkeys(("links", "n_links", "elements", "cells"), ("n_bodies",)),
+    "rtol": "tolerance tol accuracy reltol",
+    "method": "solver integrator algorithm",
+    "step": "dt timestep time_step first_step",
+    "torque_fn": "torque torques loads",
+    "t_end": "duration t_stop tf time",
+    "motion": "motions speeds",
+    "n_bodies": "links n_links elements cells n n_b",
+    "axial_stiffness": "ea",
+    "bending_stiffness": "ei",
+    "linear_density": "rho rhoa rho_a mass linear_mass mass_per_length",
+    "length": "l l0",
+    "preload": "tension pretension f0",
+    "radius": "r diameter",
+    "inertia": "i j moment_of_inertia",
+    "center": "position axis xy",
+    "least": "min minimum lowest",
+    "most": "max maximum highest peak",
+    "mean": "average avg",
+    "final": "last end",
 }
 
 
 def close_to(name: str, known: Iterable[str]) -> str:
     """Return " (did you mean ...?)" for a misspelt name, or ""."""
     by_lower = {one.lower(): one for one in known}
-    for meant in _OTHER_WORDS.get(name.lower(), ()):
-        if meant in by_lower:
+    head, dot, last = name.lower().rpartition(".")
+    for here, elsewhere in _OTHER_WORDS.items():
+        if last in elsewhere.split() and (meant := f"{head}{dot}{here}") in by_lower:
             return f" (did you mean {by_lower[meant]!r}?)"
 
     def likeness(one: str) -> float:

@@ -40,7 +40,7 @@ class RunWarning:
         long_links *  links longer than half a radius, or hardly one on a wrap: more links
         near_limit *  of an ALE belt: a wrap or span hardly longer than its bent ends: mesh "joint"
         tensioning    of an ALE belt: it begins without what tensioning asks for: mesh "joint"
-        units         implausible values: were data given in mm, kN, g/m, N mm or percent?
+        units         implausible values: were data given in mm, kN, g/m, N mm, percent, degrees?
 
     From the samples of a run::
 

@@ -131,7 +131,8 @@ def read(params: Params, name: str) -> list[Any]:
         except KeyError:
             if nodes[0] is None:
                 raise ValueError(f"{name}: this drive has no {so_far}") from None
-            hint = close_to(name, [*numbers(params), "belt.preload", "belt.length"])
+            known = [*numbers(params), *(f"belt.{field}" for field in fields(Belt))]
+            hint = close_to(name, known)
             raise ValueError(f"no parameter is called {name!r}{hint}") from None
         so_far += f"[{step}]" if isinstance(step, int) or step == "*" else f".{step}"
         so_far = so_far.lstrip(".")

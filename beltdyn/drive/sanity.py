@@ -7,7 +7,7 @@ or changed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import attrs
 import numpy as np
@@ -16,6 +16,7 @@ from .. import _core
 from ..base.checks import Array
 from ..base.rounding import percent
 from ..base.run_warnings import RunWarning
+from ..loads.motions import CrankMotion
 from . import cells, compliance
 from .drive import Drive
 from .friction import Friction
@@ -384,6 +385,21 @@ def _of_friction(params: Drive) -> Iterator[RunWarning]:
                 f"{1e3 * bristle:.3g} mm, on a pulley radius of {1e3 * least:.3g} mm: "
                 "is its stiffness given per mm?",
                 where,
+            )
+
+
+def of_motions(params: Drive, motions: Mapping[int, object], t_end: float) -> Iterator[RunWarning]:
+    """Warn of cranks whose irregularity turns them back, which that of no machine does."""
+    for k, motion in motions.items():
+        if not isinstance(motion, CrankMotion) or not motion.speed.values.any():
+            continue
+        least = motion._slowest
+        if least < 0.0 and (motion.fade is None or motion.fade[0] < t_end):
+            yield units(
+                f"the harmonics of the motion of {params.label(k)} turn it back in each period, to "
+                f"{least:.3g} times its mean speed: are amplitudes in degrees, or of the speed? "
+                "They are of the angle, in rad",
+                params.label(k),
             )
 
 

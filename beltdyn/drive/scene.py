@@ -114,11 +114,14 @@ class Scene(NamedTuple):
 
     @classmethod
     def _from_document(cls, document: dict[str, Any]) -> Scene:
-        toml.check_fields("", document, SCENE_FIELDS, toml.SCENE_ONLY)
-        t_end, torque = (document.pop(field) for field in toml.SCENE_ONLY)
+        toml.check_fields("", document, SCENE_FIELDS)
+        missing = [field for field in toml.SCENE_ONLY if field not in document]
+        t_end, torque = (document.pop(field, []) for field in toml.SCENE_ONLY)
         motion = _motion_of(document.pop("motion", []))
         parts = toml.structure(torque, tuple[Torque, ...], "torque")
         params = toml.structure(document, Params)
+        if missing:  # said last: a drive without loads may have other mistakes
+            raise ValueError(f"{missing[0]}: missing; a drive alone is read by Params.from_toml")
         scene = cls(params, parts[0] if len(parts) == 1 else TorqueSum(parts), t_end, motion)
         for k, part in enumerate(parts):
             if part.n_pulleys is None:

@@ -33,6 +33,9 @@ _KINK, _NOISY, _FAINT = 0.03, 0.1, 1e-3
 _KNOTS = 20
 #: Order of Butterworth's filter, which runs forth and back, and so has twice that and no delay.
 _ORDER = 4
+#: Turns of a crank in which its slowest point is looked for, a period of orders that are multiples
+#: of 1/8; points in a period of the highest order; most of them.
+_TURNS, _POINTS, _MOST_POINTS = 8, 40, 100_000
 
 
 def _cutoff(value: float | None, name: str = "cutoff") -> float:
@@ -293,6 +296,19 @@ class CrankMotion:
 
     def __attrs_post_init__(self) -> None:
         harmonic_fields(self)
+
+    @property
+    def _slowest(self) -> float:
+        """Least speed within a period, over the mean speed, once all of it has faded in."""
+        strengths = self.amplitudes * self.orders
+        if np.abs(strengths).sum() <= 1.0:  # never below 0: it need not be known better
+            return float(1.0 - np.abs(strengths).sum())
+        points = min(_MOST_POINTS, math.ceil(_TURNS * _POINTS * self.orders.max()))
+        angles = np.linspace(0.0, 2.0 * math.pi * _TURNS, points)
+        speeds = np.ones(points)
+        for strength, order, phase in zip(strengths, self.orders, self.phases, strict=True):
+            speeds -= strength * np.sin(order * angles + phase)
+        return float(speeds.min())
 
     def __str__(self) -> str:
         speeds = self.speed.values

@@ -13,6 +13,7 @@ from .. import _core
 from ..base.progress import over_time
 from ..base.run_warnings import RunWarning, is_error, issue
 from ..base.stopping import stoppable
+from ..drive import sanity
 from ..drive.params import Params
 from ..drive.scene import first_speeds
 from ..loads.callback_errors import CallbackErrors
@@ -72,7 +73,8 @@ class Run:
         needed = memory.check_samples(times.size, params._model.sizes, names, ledger)
 
         # Before settling, which may take long, and may fail for the very reason they name.
-        self.of_drive = tuple(one for one in params._noticed if one.code != "mesh")
+        of_motions = sanity.of_motions(params, self._motions, scene.t_end)
+        self.of_drive = (*(one for one in params._noticed if one.code != "mesh"), *of_motions)
         for one in params._noticed:  # of its mesh a run knows more, and warns at its end
             if one.code == "mesh" and start.expected is None and is_error(one):
                 issue([one])
