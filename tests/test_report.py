@@ -20,6 +20,7 @@ import beltdyn as bd
 from beltdyn import _core
 from beltdyn.base.rounding import percent, rounded
 from beltdyn.base.tables import fitted
+from beltdyn.outputs.averages import span_of
 from beltdyn.report import Rows, brief, digits
 from beltdyn.report.rows import RESIDUAL, MountRow, Spread
 from beltdyn.report.text import tables
@@ -413,8 +414,19 @@ def test_what_a_run_does_not_have_is_named() -> None:
 
 
 def test_what_is_not_to_be_trusted_is_told() -> None:
-    """A split that does not add up; a window of few turns, 100 rad/s over 0.02 s, 0.32 turns."""
+    """A split that does not add up; a window of few turns, 100 rad/s over 0.02 s, 0.32 turns; a run
+    that ended early; when a pulley slips that does so in one sample, or late in a run.
+    """
     told = report()
+    with pytest.raises(bd.SimulationError) as failed:
+        result(max_steps=300)
+    early, reason = failed.value.result.report(), f"failed: {failed.value}"
+    assert told.ended_early is None and early.ended_early == reason
+    for text in (str(early), early.text(full=True)):
+        assert f"the run ended early, {reason}" in " ".join(text.split())
+    assert reason in early.to_frame().text.values and early.to_dict()["ended_early"] == reason
+    for when, said in (([2e-5], "at t = 2e-05 s"), ([90.0, 90.001], "between t = 90 and 90.001 s")):
+        assert span_of(np.array(when)) == said
     row = told.creep[0]
     off = attrs.evolve(row, remainder=0.2 * row.lost, stretch=row.stretch - 0.2 * row.lost)
     assert "Do not trust the split" not in told.text(full=True)

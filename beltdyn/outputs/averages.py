@@ -18,6 +18,15 @@ def durations(t: Array, begin: float = -math.inf, end: float = math.inf) -> Arra
     return np.asarray(np.append(half, 0.0) + np.append(0.0, half))
 
 
+def span_of(t: Array) -> str:
+    """Describe when something is seen, by the times of these samples, as far as they tell apart."""
+    first, last = t[0], t[-1]
+    digits = 4 if first == last else max(4, 2 + math.ceil(math.log10(last / (last - first))))
+    if first == last:
+        return f"at t = {first:.{digits}g} s"
+    return f"between t = {first:.{digits}g} and {last:.{digits}g} s"
+
+
 def time_weights(t: Array, begin: float = -math.inf, end: float = math.inf) -> Array:
     """Return the weights (n_t,) of the trapezoidal rule from ``begin`` to ``end``, of sum 1.
 

@@ -59,6 +59,8 @@ class Sampled:
     prescribed: tuple[str, ...] = ()
     warnings: tuple[RunWarning, ...] = ()
     outputs: tuple[str, ...] | None = None
+    status: str
+    message: str
     #: None of one read from a file, which has the accuracy that follows from it.
     _running: Running | None = None
     accuracy: Accuracy = attrs.Factory(lambda run: known(run), takes_self=True)

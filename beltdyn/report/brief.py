@@ -81,9 +81,9 @@ def _tables(report: ReportData) -> Iterator[Table]:
 def _on_pulleys(report: ReportData) -> Iterator[str]:
     if any(row.margin is not None or row.least_margin is not None for row in report.pulleys):
         yield (
-            "lost: speed, against the driving pulley; to deg: of the hub load; used: of friction; "
-            "margin: factor by which all loads can grow until it slips in full (later: others slip "
-            "first)"
+            "lost: speed, against the driving pulley; to deg: of the hub load; used: of friction, "
+            "by mean tensions; margin: factor by which all loads can grow until it slips in full "
+            "(later: others slip first), of means and at the worst instant"
         )
     yield from text.couplings(report)
 

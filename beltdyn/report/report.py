@@ -169,6 +169,7 @@ def make_report(
         begin=float(window.t[0]),
         end=float(window.t[-1]),
         samples=window.t.size,
+        ended_early=None if run.status == "finished" else f"{run.status}: {run.message}",
         driver=None if driver is None else params.pulley_names[driver],
         belt_speed=None if belt is None else float(belt.speed),
         belt_speeds=_belt_speeds(window),

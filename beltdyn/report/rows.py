@@ -314,6 +314,8 @@ class ReportData:
         begin: First sample of the window.
         end: Last one.
         samples: Number of samples.
+        ended_early: How the run ended, if that was before its end: the state then is mostly not
+            one that it would have come to. None: it reached its end.
         driver: Name of the pulley that drives the belt; None if the belt stands still.
         belt_speed: Mean speed of the belt in the order of its links, along itself.
         belt_speeds: The same with its range, without the ripple of passing links.
@@ -349,6 +351,7 @@ class ReportData:
     begin: float = quantity("s", NOTHING)
     end: float = quantity("s", NOTHING)
     samples: int
+    ended_early: str | None = None
     driver: str | None
     belt_speed: float | None = quantity("m/s", NOTHING)
     belt_speeds: Spread | None = quantity("m/s", NOTHING)

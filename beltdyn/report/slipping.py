@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..drive.span import Span
 from ..outputs.arcs import in_slip
-from ..outputs.averages import durations
+from ..outputs.averages import durations, span_of
 from .rows import Spread
 from .slip_torque import FullSlip, Steady, full_slip
 from .window import Window
@@ -143,12 +143,12 @@ class _Slipping:
         gross, t, lasts = self.touching.gross, self.window.t, durations(self.window.t)
         for k in np.flatnonzero(self.slips).tolist():
             assert gross is not None
-            during = np.flatnonzero(gross.slips[:, k])
+            during = gross.slips[:, k]
             whole = float(np.sum(lasts[during]))
             self.notes.append(
                 f"full_slip: {self.params.label(k)} slips over its whole wrap in this window, "
-                f"for {whole:.3g} of {self.window.lasts:.3g} s between t = {t[during[0]]:.4g} and "
-                f"{t[during[-1]]:.4g} s, by {gross.slip_distance[k]:.2g} m: it has no margin left"
+                f"for {whole:.3g} of {self.window.lasts:.3g} s {span_of(t[during])}, by "
+                f"{gross.slip_distance[k]:.2g} m: it has no margin left"
             )
 
     def note_falling_friction(self) -> None:

@@ -282,14 +282,18 @@ def opening(report: ReportData) -> list[str]:
     told, range_ = "", report.belt_speeds
     if report.belt_speed is not None:
         told = f"; belt at {digits.belt_speed(report)} m/s"
+    backward = (report.belt_speed or 0.0) < -ROUNDING
     if report.driver and range_ is not None and range_.most - range_.least > abs(range_.mean):
-        told = f"; belt at {range_.least:.3g} to {range_.most:.3g} m/s"
-    if (report.belt_speed or 0.0) < -ROUNDING:
+        _, *ends = placed(range_, 1e-3, -1.0 if backward else 1.0)
+        told = f"; belt at {between(ends)} m/s"
+    if backward:
         told += f" against the order of its {'cells' if cells(report) else 'links'}"
     if report.driver is not None:
         told += f", driven by {report.driver}"
     begin, end = f"{report.begin:.6g}", f"{report.end:.6g}"
     found = [f"Means over t = {begin} to {end} s, {report.samples} samples{told}"]
+    if report.ended_early is not None:
+        found.append(f"  the run ended early, {report.ended_early}")
     for least_steady in report.unsteady[:1]:
         more = len(report.unsteady) - 1
         others = f"; and {more} more (report.unsteady)" if more else ""

@@ -89,8 +89,6 @@ class Result(Sampled):
 
     effects: tuple[str, ...]
     success: bool
-    status: str
-    message: str
     final_state: State
     unchecked: tuple[str, ...] = ()
 

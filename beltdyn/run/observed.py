@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base.checks import Array
 from ..base.naming import span_names
 from ..base.rounding import rounded
 from ..base.run_warnings import RunWarning
@@ -19,7 +17,7 @@ from ..drive import cells, sanity
 from ..drive.couplings import OverrunningClutch
 from ..drive.params import Params
 from ..outputs.arcs import gross_slip
-from ..outputs.averages import durations
+from ..outputs.averages import durations, span_of
 from ..outputs.selection import has, unchecked
 from ..outputs.squeal import squeals
 from ..result.result import Result
@@ -107,7 +105,7 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
         slips = found.slips[:, k]
         if not slips.any():
             continue
-        first, last, whole = _when(result.t, lasts, slips)
+        when = result.t[slips]
         carried = float(found.carried[k]) * pulley.radius
         given = float(np.max(np.abs(result.pulleys.torque[slips, k])))
         of_set = f", of up to {given:.3g} N m set" if given > carried and k not in moved else ""
@@ -117,10 +115,10 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
         yield RunWarning(
             code="full_slip",
             text=f"{params.label(k)} slips over its whole wrap, by {found.slip_distance[k]:.2g} m, "
-            f"{whole} between t = {first:.4g} and {last:.4g} s, which dissipates "
+            f"for {np.sum(lasts[slips]):.3g} s {span_of(when)}, which dissipates "
             f"{found.lost[k]:.3g} J: friction transmits {carried:.3g} N m in the mean of that "
             f"time{of_set}; {_tighter(params)}{less}",
-            t=first,
+            t=float(when[0]),
             where=params.label(k),
         )
 
@@ -171,17 +169,17 @@ def _slack_spans(result: Result) -> Iterator[RunWarning]:
         slack[rows] = (tension[:, k] <= 0.0) | off[:, k] | off[:, (k + 1) % n_p]
         if not slack.any():
             continue
-        first, last, whole = _when(result.t, lasts, slack)
+        when = result.t[slack]
         least = np.min(tension[:, k], where=tension[:, k] <= 0.0, initial=np.inf)
         down = f"down to {least:.3g} N" if least <= 0.0 else "the belt off a pulley at its end"
         yield RunWarning(
             code="slack_span",
             text=f"span {k}, from {params.label(k)} to {params.label((k + 1) % n_p)}, is slack, "
-            f"{down}, {whole} between t = {first:.4g} and "
-            f"{last:.4g} s; {_tighter(params)} or lower the torque; "
+            f"{down}, for {np.sum(lasts[slack]):.3g} s {span_of(when)}; "
+            f"{_tighter(params)} or lower the torque; "
             "how a slack span becomes tight again may depend on very small differences, so "
             "the error is unknown",
-            t=first,
+            t=float(when[0]),
             where=f"span {span_names(params.pulley_names)[k]}",
             accuracy=True,
         )
@@ -250,9 +248,3 @@ def hint(result: Result, rtol: float) -> tuple[str, ...]:
         f"cells there and no links land; here, in each simulated second, {shown[1]} links land on "
         f"pulleys or leave them and the run takes {shown[2]} steps",
     )
-
-
-def _when(t: Array, lasts: Array, during: NDArray[np.bool_]) -> tuple[float, float, str]:
-    """First and last time, and how long in all, in words."""
-    seen = np.flatnonzero(during)
-    return float(t[seen[0]]), float(t[seen[-1]]), f"for {np.sum(lasts[seen]):.3g} s"
