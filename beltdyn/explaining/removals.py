@@ -16,6 +16,7 @@ import numpy as np
 from ..drive import cells
 from ..drive.balance import tension_held
 from ..drive.friction import Dahl, ElasticPlastic, Friction, LuGre, MaxwellSlip
+from ..drive.mounts import KINDS
 from ..drive.parameters import Path, assign
 from ..drive.params import Params
 from ..drive.scene import Scene
@@ -28,9 +29,7 @@ from .effects import Part, parts_of
 
 #: What holds belt or tensioner in place is no effect that could be left out.
 _HOLDS = {
-    ("arm", "stiffness"),
-    ("slider", "stiffness"),
-    ("slider", "weight"),
+    *((kind, name) for kind in KINDS for name in ("stiffness", "weight")),
     ("damper", "stiffness"),
     ("contact", "quadratic"),
 }

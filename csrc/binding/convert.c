@@ -189,13 +189,19 @@ static int convert(PyObject *object, const bd_argument *row) {
   }
 }
 
-int bd_convert_arguments(PyObject *args, PyObject *keywords, const char *format,
-                         const bd_argument *rows) {
-  char *names[BD_MAX_ARGUMENTS + 1] = {NULL};
+int bd_convert_arguments(PyObject *args, PyObject *keywords, const char *function, int required,
+                         int positional, const bd_argument *rows) {
+  char *names[BD_MAX_ARGUMENTS + 1] = {NULL}, format[BD_MAX_ARGUMENTS + 40], *at = format;
   PyObject *o[BD_MAX_ARGUMENTS] = {NULL};
   for (int k = 0; rows[k].name; k++) {
+    if (k == BD_MAX_ARGUMENTS) {
+      PyErr_BadInternalCall();
+      return -1;
+    }
     names[k] = (char *)rows[k].name;
+    at += PyOS_snprintf(at, 4, "%s%sO", k == required ? "|" : "", k == positional ? "$" : "");
   }
+  PyOS_snprintf(at, 36, ":%s", function);
   /* those that the format has no letter for are not looked at */
   if (!PyArg_ParseTupleAndKeywords(args, keywords, format, names, &o[0], &o[1], &o[2], &o[3], &o[4],
                                    &o[5], &o[6], &o[7], &o[8], &o[9], &o[10], &o[11], &o[12],

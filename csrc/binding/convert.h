@@ -56,9 +56,10 @@ typedef struct bd_argument {
 } bd_argument;
 
 enum { BD_MAX_ARGUMENTS = 15 };
-/* format: PyArg_ParseTupleAndKeywords', with an O for each; the last row is {0}. */
-int bd_convert_arguments(PyObject *args, PyObject *keywords, const char *format,
-                         const bd_argument *rows);
+/* The first so many arguments are required, the first so many may be given without their name; the
+ * last row is {0}. `function` is what errors call it. */
+int bd_convert_arguments(PyObject *args, PyObject *keywords, const char *function, int required,
+                         int positional, const bd_argument *rows);
 
 /* Does this hide values behind a mask of numpy.ma, as a list or tuple within it may? NumPy itself
  * would take them for real. -1 with an exception. */

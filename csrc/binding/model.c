@@ -136,7 +136,7 @@ static PyObject *model_new(PyTypeObject *type, PyObject *args, PyObject *keyword
   bd_scene scene = {0};
   bd_friction friction = {0};
   bd_core_model *self = NULL;
-  if (bd_convert_arguments(args, keywords, "OOOOOOO|OOOOOOOO:Model", rows) < 0 ||
+  if (bd_convert_arguments(args, keywords, "Model", 7, 15, rows) < 0 ||
       bd_core_read_group(belt, "belt", "belt", &scene.belt) < 0 ||
       bd_core_read_group(contact, "contact", "contact", &scene.contact) < 0 ||
       bd_core_read_friction(default_friction, "friction", &friction) < 0 ||
@@ -194,7 +194,7 @@ static PyObject *model_rate(PyObject *object, PyObject *args, PyObject *keywords
   const npy_intp n_pulleys = self->info.n_pulleys;
   PyObject *mapping, *torque;
   const bd_argument rows[] = {{"state", BD_OBJECT, &mapping}, {"torque", BD_OBJECT, &torque}, {0}};
-  if (bd_convert_arguments(args, keywords, "OO:rate", rows) < 0) {
+  if (bd_convert_arguments(args, keywords, "rate", 2, 2, rows) < 0) {
     return NULL;
   }
   bd_state state, rate;
@@ -224,7 +224,7 @@ static PyObject *model_torques(PyObject *object, PyObject *args, PyObject *keywo
                               {"theta", BD_OBJECT, &angles},
                               {"omega", BD_OBJECT, &speeds},
                               {0}};
-  if (bd_convert_arguments(args, keywords, "OOOOOO:torques", rows) < 0) {
+  if (bd_convert_arguments(args, keywords, "torques", 6, 6, rows) < 0) {
     return NULL;
   }
   bd_core_torque given;
@@ -272,7 +272,7 @@ static PyObject *model_set_going(PyObject *object, PyObject *args, PyObject *key
   PyObject *mapping;
   double speed;
   const bd_argument rows[] = {{"state", BD_OBJECT, &mapping}, {"speed", BD_REAL, &speed}, {0}};
-  if (bd_convert_arguments(args, keywords, "OO:set_going", rows) < 0) {
+  if (bd_convert_arguments(args, keywords, "set_going", 2, 2, rows) < 0) {
     return NULL;
   }
   bd_state state, going;
@@ -293,7 +293,7 @@ static PyObject *model_solve(PyObject *object, PyObject *args, PyObject *keyword
   double g;
   const bd_argument rows[] = {
       {"state", BD_OBJECT, &mapping}, {"g", BD_REAL, &g}, {"c", BD_OBJECT, &vector}, {0}};
-  if (bd_convert_arguments(args, keywords, "OOO:solve", rows) < 0) {
+  if (bd_convert_arguments(args, keywords, "solve", 3, 3, rows) < 0) {
     return NULL;
   }
   bd_state state, c, k;

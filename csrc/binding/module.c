@@ -120,7 +120,7 @@ static PyObject *friction_law(PyObject *Py_UNUSED(module), PyObject *args, PyObj
                               {"normal", BD_OBJECT, &objects[2]},
                               {"element", BD_LONG, &element},
                               {0}};
-  if (bd_convert_arguments(args, keywords, "OOOOO|O:friction_law", rows) < 0 ||
+  if (bd_convert_arguments(args, keywords, "friction_law", 5, 6, rows) < 0 ||
       bd_core_read_friction(law, "friction", &friction) < 0) {
     return NULL;
   }

@@ -133,7 +133,7 @@ PyObject *bd_core_span_tension(PyObject *Py_UNUSED(module), PyObject *args, PyOb
                               {"force", BD_OBJECT, &force_object},
                               {"n_pulleys", BD_LONG, &np},
                               {0}};
-  if (bd_convert_arguments(args, keywords, "OOO:span_tension", rows) < 0) {
+  if (bd_convert_arguments(args, keywords, "span_tension", 3, 3, rows) < 0) {
     return NULL;
   }
   /* not bd_convert_array: forces of a failed run may be infinite */

@@ -274,7 +274,7 @@ PyObject *bd_core_belt_line(PyObject *Py_UNUSED(module), PyObject *args, PyObjec
                                    {"outside", BD_OBJECT, &parts.outside},
                                    {"names", BD_OBJECT, &parts.names},
                                    {0}};
-  if (bd_convert_arguments(args, keywords, "OO|OO:belt_line", arguments) < 0) {
+  if (bd_convert_arguments(args, keywords, "belt_line", 2, 4, arguments) < 0) {
     return NULL;
   }
   int n = 0, turns = 0;

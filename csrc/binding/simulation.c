@@ -97,7 +97,7 @@ static PyObject *sim_new(PyTypeObject *type, PyObject *args, PyObject *keywords)
       {0},
   };
   bd_options_default(&options);
-  bd_core_sim *self = bd_convert_arguments(args, keywords, "OOOO|$OOOOOOOOOO:Simulation", rows) < 0
+  bd_core_sim *self = bd_convert_arguments(args, keywords, "Simulation", 4, 4, rows) < 0
                           ? NULL
                           : begin(type, model, "Simulation");
   if (!self) {
@@ -141,7 +141,7 @@ static PyObject *sim_settle(PyObject *type, PyObject *args, PyObject *keywords) 
       {0},
   };
   bd_settle_options_default(&options);
-  bd_core_sim *self = bd_convert_arguments(args, keywords, "O|O$OOOOOOOO:settle", rows) < 0
+  bd_core_sim *self = bd_convert_arguments(args, keywords, "settle", 1, 2, rows) < 0
                           ? NULL
                           : begin((PyTypeObject *)type, model, "settle");
   if (!self) {
@@ -242,7 +242,7 @@ static PyObject *sim_sample(PyObject *object, PyObject *args, PyObject *keywords
   const npy_intp any = BD_ANY;
   PyObject *times, *outputs = Py_None, *dict = NULL;
   const bd_argument rows[] = {{"t", BD_OBJECT, &times}, {"outputs", BD_OBJECT, &outputs}, {0}};
-  if (bd_convert_arguments(args, keywords, "O|O:sample", rows) < 0) {
+  if (bd_convert_arguments(args, keywords, "sample", 1, 2, rows) < 0) {
     return NULL;
   }
   PyObject *wanted = outputs == Py_None ? NULL : bd_core_output_names(outputs);
@@ -312,7 +312,7 @@ static PyObject *sim_advance(PyObject *object, PyObject *args, PyObject *keyword
   PyObject *argument;
   double seconds;
   const bd_argument rows[] = {{"seconds", BD_OBJECT, &argument}, {0}};
-  if (bd_convert_arguments(args, keywords, "O:advance", rows) < 0 ||
+  if (bd_convert_arguments(args, keywords, "advance", 1, 1, rows) < 0 ||
       bd_convert_real(argument, "seconds", &seconds) < 0) {
     return NULL;
   }
