@@ -148,6 +148,19 @@ def test_docstrings_say_what_is_returned() -> None:
     assert not odd
 
 
+def test_docstrings_of_private_things_have_one_line() -> None:
+    """What else there is to say of them are comments, which say why."""
+    private = re.compile(r"_[^_]")
+    named = (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    assert not [
+        f"{name}: {node.name}"
+        for name, file in modules().items()
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, named) and private.match(node.name)
+        if "\n" in (ast.get_docstring(node) or "")
+    ]
+
+
 def test_every_folder_of_the_package_is_installed() -> None:
     folders = {file.parent for file in (ROOT / "beltdyn").rglob("__init__.py")}
     names = {".".join(folder.relative_to(ROOT).parts) for folder in folders}

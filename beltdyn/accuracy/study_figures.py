@@ -85,10 +85,7 @@ def _cost_of_meshes(ax: Axes, study: _Priced) -> None:
 
 
 def _errors_of_meshes(ax: Axes, study: _Priced, quantity: str, error: float) -> None:
-    """Draw the error in space, and in time of the cheapest method, against the number of links.
-
-    The star marks the cheapest run for the error asked for, at which both are small enough.
-    """
+    """Draw the errors in space, and in time of the cheapest runs, against the number of links."""
     bold = _look(0) | {"linewidth": 2.2, "color": "black", "linestyle": "-"}
     errors = [found[quantity] for found in study.space.values()]
     ax.plot(list(study.space), errors, label="in space", **bold)
@@ -108,10 +105,7 @@ def _errors_of_meshes(ax: Axes, study: _Priced, quantity: str, error: float) -> 
 
 
 def _cheapest_runs(ax: Axes, study: _Priced, quantity: str, error: float) -> None:
-    """Draw the errors in space and in time of the cheapest runs against their CPU time.
-
-    The numbers are those of the links; the star marks the cheapest run for the error asked for.
-    """
+    """Draw the errors of the cheapest run of each number of links against CPU time."""
     front = study.front(quantity)
     cost = _costs(front)
     parts = (

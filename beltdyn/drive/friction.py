@@ -138,11 +138,9 @@ class Friction(Printable):
         return coefficients
 
     def _in_slip(self, speed: Array, kinetic: float) -> Array:
-        """Compute friction coefficients in steady slip, as the core has them.
-
-        Of laws with states, that at which their rates are 0, by Newton's method from far beyond
-        the state of full slip: one step for laws that are linear in their state there.
-        """
+        """Compute friction coefficients in steady slip, as the core has them."""
+        # Of laws with states where their rates are 0, by Newton's method from far beyond full slip:
+        # one step for laws that are linear in their state there.
         pressed = np.ones_like(speed)  # [N/m]
         none = np.zeros_like(speed)
         if not self.n_states:

@@ -264,10 +264,7 @@ def _accuracy(result: Result) -> list[str]:
 
 
 class _Base:
-    """The run with all effects, once more at a tighter tolerance, and those compared with it.
-
-    Over a window that begins with the run; ``whole``: that is all that was asked for.
-    """
+    """The run with all effects, from the beginning; ``whole``: over all of the time asked for."""
 
     def __init__(self, drive: Drive, end: float, error: float) -> None:
         self.drive, self.end, self.error = drive, end, error

@@ -103,11 +103,9 @@ def _number(path: str, name: str, where: list[str]) -> Removal:
 
 
 def _of_same_tension(params: Params) -> Params:
-    """Return the tension at rest in place of the length, or of the preload of mounts, that make it.
-
-    A belt that bends is shorter on its way and lifted off its pulleys. Its effect on the tension at
-    rest does not count: without bending the belt is still tightened to its tension.
-    """
+    """Return the drive given by its tension at rest, not by the length or preload of mounts."""
+    # Bending shortens the belt on its way and lifts it off its pulleys. Without it the belt would
+    # still be tightened to its tension, so that effect is not one of bending.
     belt, sprung = params.belt, params._moving
     if belt.length is not None:
         at_rest = attrs.evolve(belt, length=None, preload=params.info["mean_tension"])
@@ -152,11 +150,9 @@ def _without_curve(part: Part) -> Any:
 
 
 def _coarser_law(part: Part) -> Friction | None:
-    """Return the law with one state a link that a law with more states or terms comes close to.
-
-    Dahl's is LuGre's without the dampers, an elastic/plastic one of all elements at once is
-    Maxwell slip before the first element slips and after the last (MODEL section 4).
-    """
+    """Return the simpler law that LuGre or Maxwell slip comes close to; None for other laws."""
+    # Dahl's is LuGre's without the dampers; one elastic/plastic element is Maxwell slip before the
+    # first element slips and after the last (MODEL section 4).
     law = part.part
     curve = {name: getattr(law, name, 0.0) for name in _STRIBECK}
     if isinstance(law, LuGre):

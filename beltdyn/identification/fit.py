@@ -217,10 +217,7 @@ class _End:
 
 
 class _Search:
-    """One identification in progress: the last trial, the best so far, the standard deviations.
-
-    A row of residuals holds the measured numbers, then the priors.
-    """
+    """An identification in progress; its residuals are of measured numbers, then of priors."""
 
     def __init__(
         self,
@@ -317,10 +314,8 @@ class _Search:
         return [u for u, _ in self._scored(points)[:count]]
 
     def _probe(self) -> Array | None:
-        """Try the ends of the intervals and beyond; return a point that fits better, or None.
-
-        The other parameters follow as in the linearised problem.
-        """
+        """Try the ends of the intervals and beyond; return a point that fits better, or None."""
+        # The other parameters follow as in the linearised problem.
         points = []
         spread = linear.covariance(self._jacobian)
         for k, row in enumerate(spread):

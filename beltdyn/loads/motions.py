@@ -132,10 +132,8 @@ class AngleTable:
 
 
 def _refuse_wraps(t: Array, angle: Array) -> None:
-    """Raise ValueError where a whole turn is taken off between samples, in radians or degrees.
-
-    Where it is 360, all angles lie within it; of angles in radians one step would be all motion.
-    """
+    """Raise ValueError where a whole turn is taken off between samples, in radians or degrees."""
+    # Where it is 360, all angles lie within it; of angles in radians one step would be all motion.
     steps = np.diff(angle)
     for turn, unit, cure in (
         (2.0 * math.pi, "", "numpy.unwrap"),

@@ -197,10 +197,8 @@ def _file(method: Any) -> str:
 
 
 def _source(function: types.FunctionType) -> tuple[list[_Function], int]:
-    """Return the functions that begin in the line of one, and which of these it is.
-
-    The source must compile to the function: it may have been edited since it was imported.
-    """
+    """Return the functions that begin in the line of a function, and which of these it is."""
+    # The source must compile to the function: the file may have been edited since its import.
     code = function.__code__
     linecache.checkcache(code.co_filename)
     text = "".join(linecache.getlines(code.co_filename, function.__globals__))

@@ -173,11 +173,8 @@ def _of_cells(
 
 
 def _beyond(excess: Array, on: NDArray[np.bool_]) -> Array:
-    """Return the share of each cell in which a linear interpolation of values is positive.
-
-    On a pulley's cells (n_t, n_b); in the outer half of its first and its last it is as in the
-    middle.
-    """
+    """Return the share of each cell (n_t, n_b) where linearly interpolated values are positive."""
+    # The outer halves of the first and the last cell of a pulley are as their middles.
     share = np.zeros(excess.shape)
     for ahead in (-1, 1):
         near = np.where(np.roll(on, ahead, axis=1), np.roll(excess, ahead, axis=1), excess)

@@ -270,10 +270,8 @@ class State:
         return cls(**{"t": state["t"], **fields, **changes})
 
     def _with_waves(self, params: Params) -> State:
-        """Return the state with waves along spans if the drive has them: with none of their own.
-
-        A neighbouring drive, whose pulleys are lighter or heavier, may have none, or have them.
-        """
+        """Return the state with waves along its spans, at rest, if the drive has them."""
+        # States go from drive to drive, of lighter pulleys (with such waves) or heavier ones.
         if self.along.size == params.info["n_along"]:
             return self
         along = speed = np.empty(0)
@@ -352,10 +350,8 @@ class State:
         sizes: Mapping[str, int] | None = None,
         **others: Any,
     ) -> State:
-        """Make a state of arrays that have these names behind a prefix, and the sizes of a drive.
-
-        Of parts that a drive does not have there are none in the files of earlier versions.
-        """
+        """Make a state of the arrays whose names have a prefix."""
+        # Files of earlier versions have no arrays of parts that their drive does not have.
         fields: dict[str, Any] = {}
         for name, size in SIZES.items():
             if size in PARTS and prefix + name not in arrays and not (sizes and sizes[size]):

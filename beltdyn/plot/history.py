@@ -278,12 +278,10 @@ def _in_contact(
 
 
 def _begun_anew(result: Result, k: int) -> NDArray[np.intp]:
-    """Find the samples just before which link k lost contact and regained it.
-
-    One sign is another pulley. On the same pulley the slip displacement, the integral of v_T since
-    contact began, has started from 0 again: then it is closer to the integral over this interval
-    alone than to its old value plus that integral, and farther from the latter than v_T allows.
-    """
+    """Find the samples just before which link k lost contact and regained it."""
+    # Another pulley is one sign. On the same one the slip displacement, the integral of v_T since
+    # contact began, is then closer to the integral over this interval alone than to its old value
+    # plus that integral, and farther from the latter than v_T allows.
     contact = result.contact
     pulley, slip, speed = contact.pulley[:, k], contact.slip[:, k], contact.velocity[:, k]
     touches = (pulley[:-1] >= 0) & (pulley[1:] >= 0)

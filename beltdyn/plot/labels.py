@@ -141,11 +141,9 @@ def rows_of_names(ax: Axes, middles: Array, names: Sequence[str], *, inside: boo
 
 
 def _in_rows(at: Array, widths: Array, room: float) -> list[tuple[int, float]] | None:
-    """Find a row and a left end for each name [points], places rising; None if there is none.
-
-    A name is over its place; names of a row are apart, and none is in the way of the line from a
-    higher name down to its place. The fewest rows, then names in the middle over their places.
-    """
+    """Find a row and a left end for each name [points], places rising; None if there is none."""
+    # A name is over its place; names of a row are apart, and none is in the way of the line from a
+    # higher name down to its place. The fewest rows, then names in the middle over their places.
     tried = (_placed([], at, widths, room, rows) for rows in range(1, _ROWS + 1))
     return next((found for found in tried if found is not None), None)
 

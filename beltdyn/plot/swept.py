@@ -205,10 +205,8 @@ def scale_of(dataset: Any, name: str) -> Scale:
 
 
 def _geometric(values: Array) -> bool:
-    """Whether values are more evenly spread on a logarithmic scale than on a linear one.
-
-    A few by their steps; many, which may be random, by where their middle is.
-    """
+    """Whether values are spread more evenly on a logarithmic scale than on a linear one."""
+    # A few by their steps; many, which may be random, by where their middle is.
     distinct = np.unique(values)
     if distinct.size < 3 or distinct[0] <= 0.0 or distinct[-1] < _RATIO * distinct[0]:
         return False

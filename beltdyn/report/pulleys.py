@@ -36,11 +36,9 @@ def pulley_rows(window: Window, statics: Array | None, margins: bool = True) -> 
 
 
 def _slip_error(found: dict[str, Any], returning: float) -> float:
-    """Return the error of the arc of slip [rad]: a quarter of a link, and the effect of landings.
-
-    All of the friction in use is gone from the arc, and below 95 % elsewhere on the wrap, where the
-    belt creeps back for a quarter of the time; right to a factor of three on steady drives.
-    """
+    """Return the error of the arc of slip [rad]: a quarter of a link, plus that of landings."""
+    # Where the belt creeps back all friction in use is missing from the arc, and below 95 %
+    # elsewhere on the wrap for a quarter of the time; right to a factor of three on steady drives.
     wrap = found["wrap"]
     in_use = min(found.get("used", 1.0), 1.0) * wrap
     away = abs(in_use - found["slip_arc"])

@@ -217,12 +217,10 @@ def _turns(window: Window) -> None:
 
 
 def _bending(window: Window, rows: list[PulleyRow]) -> None:
-    """Note where the belt's bending stiffness, which limits and margins neglect, matters.
-
-    The belt leaves the rim at an angle sqrt(EI/T)/r to its span. There it is pressed on the rim by
-    as much as on the arc that this takes off, but pulled along the rim by the component of the
-    tension: the exponent mu wrap loses EI/(2 r^2) (1/T_slack - 1/T_tight), to leading order.
-    """
+    """Note where the belt's bending stiffness, which limits and margins neglect, matters."""
+    # The belt leaves the rim at an angle sqrt(EI/T)/r to its span. There it is pressed on the rim
+    # by as much as on the arc that this takes off, but pulled along the rim by the component of the
+    # tension: the exponent mu wrap loses EI/(2 r^2) (1/T_slack - 1/T_tight), to leading order.
     stiffness = window.params.belt.bending_stiffness
     told = []
     for row, pulley in zip(rows, window.params.pulleys, strict=True):

@@ -148,12 +148,9 @@ def uneven(window: Window) -> str:
 
 
 def _of_links(found: tuple[Source, ...], t: Array, frequency: float) -> bool | None:
-    """Return whether a line is at the link passing frequency, a multiple of it, or an alias.
-
-    None: not known. The window is too short to separate it from other lines, something else has a
-    harmonic there as well, or the belt changes its speed so much that the links pass at this
-    frequency for a part of it.
-    """
+    """Whether a line is a harmonic of link passing, or an alias of one; None: not known."""
+    # Not known where the window is too short to separate it from other lines, something else has a
+    # harmonic there, or the speed changes so much that links pass at this frequency for a while.
     resolution = 1.5 / float(t[-1] - t[0])
     limit = 0.5 * (t.size - 1) / float(t[-1] - t[0])
     names = lines_at(found, frequency, resolution, limit)

@@ -351,12 +351,10 @@ class Touching:
 
 
 def _chord(half: Array, stretch: Array, facts: _core.BeltFacts) -> Array:
-    """Return the radius of the arc that a polygon stands for, over that of its places.
-
-    A pitch of belt, of the length l0 lambda, takes up an angle; that length over this angle is the
-    radius. Bars of a string stretch along their chord. Links do not, half = l0 / (2 radius) is half
-    of their angle but for its curve, and the gaps between them lie along the circle.
-    """
+    """Return the radius of the arc that a polygon stands for, over that of its corners."""
+    # A pitch of belt, of the length l0 lambda, takes up an angle; that length over this angle is
+    # the radius. Bars of a string stretch along their chord. Links do not, half = l0 / (2 radius)
+    # is half of their angle but for its curve, and the gaps between them lie along the circle.
     if facts["stretches"]:
         chord = np.clip(half * stretch, 0.0, 1.0)
         return np.asarray(chord / np.arcsin(chord))

@@ -90,11 +90,8 @@ def _cosine(a: Array, b: Array) -> float:
 
 
 def _order(coarse: float, fine: float, less: float, more: float) -> float:
-    """Solve coarse/fine = (less^-p - 1) / (1 - more^-p), which increases with p, for p in 0.1, 6.
-
-    That is the ratio of the differences of meshes with ``less``, 1 and ``more`` times the links
-    whose errors are C/n^p.
-    """
+    """Solve coarse/fine = (less^-p - 1) / (1 - more^-p), which rises with p, for p in 0.1, 6."""
+    # The ratio of the differences of meshes with less, 1 and more times the links, of errors C/n^p.
     orders = np.linspace(0.1, 6.0, 600)
     ratios = (less**-orders - 1.0) / (1.0 - more**-orders)
     return float(np.interp(coarse / fine if fine > 0.0 else math.inf, ratios, orders))

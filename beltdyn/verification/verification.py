@@ -320,10 +320,8 @@ def _until(result: Result, observed: Observed, in_time: Done | None, limit: floa
 
 
 def _parting(a: Observed, b: Observed, limit: float) -> float | None:
-    """Return the last time at which tensions differ by a tenth of a limit exceeded later.
-
-    The limit is relative to the mean tension, and far beyond the error of the tolerance.
-    """
+    """Return the last time at which tensions differ by a tenth of a limit exceeded later."""
+    # The limit, over the mean tension, is far beyond the error of the tolerance.
     apart = np.sqrt(np.mean((a.tension - b.tension) ** 2, axis=1))
     beyond = np.flatnonzero(apart > limit * b.scales["tension"])
     if beyond.size == 0:

@@ -177,10 +177,7 @@ def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> N
 def _lowest(
     linear: Linear, n: int, most: float, check: bool = False
 ) -> tuple[Found, Found, tuple[float, float], complex | None, int]:
-    """Find the lowest n modes: see :func:`.eigenvalues.search`, :func:`.turning.without_turning`.
-
-    Last the number of others below that are left out for a damping ratio above ``most``.
-    """
+    """Find the lowest n modes; last how many below them are more damped than ``most``."""
     sought = n + (1 if not check else SPARE)
     while True:
         found, still, band, complete = search(linear, sought, most)
@@ -281,10 +278,8 @@ def linear_drive(
 
 
 def _mesh_error(linear: Linear, found: Found, state: State) -> Array:
-    """Return the scatter due to T s (see :func:`modes`), with s independent at each end of a wrap.
-
-    It is even within a link. The stiffness of a mode is twice its kinetic energy.
-    """
+    """Return the scatter due to T s (see :func:`modes`), s independent at each end of a wrap."""
+    # s is even within a link. The stiffness of a mode is twice its kinetic energy.
     params = linear.params
     turned = abs(linear.field(found.vectors, "theta")) ** 2
     if params._flows:

@@ -172,10 +172,8 @@ def _order(linear: Linear, vector: Complex, span: int) -> str:
 
 
 def _rotation(linear: Linear, vector: Complex, shares: Array) -> str:
-    """Name what turns most, of pulleys and both parts of coupled ones, and against what.
-
-    The energy of a coupled pulley is that of both parts; it goes to each by its inertia.
-    """
+    """Name what turns most, of pulleys and both parts of coupled ones, and against what."""
+    # The energy of a coupled pulley is that of both parts; it goes to each by its inertia.
     params, names = linear.params, [*linear.params.pulley_names]
     coupled, radii = list(params.coupled), params.route.senses * params._radii
     shaft, other = (linear.field(vector, name)[:, 0] for name in ("omega", "rim_speed"))

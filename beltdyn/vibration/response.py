@@ -209,10 +209,8 @@ def _solve(
     motions: Complex,
     mesh: tuple[Array, Array, float] | None,
 ) -> tuple[Any, Array]:
-    """Solve (i w - J) x = b at each w, in unknowns scaled for w; J without the mesh's stiffness.
-
-    That term of rank one is added by Sherman and Morrison's formula.
-    """
+    """Solve (i w - J) x = b at each w, in unknowns scaled for w; J without the mesh's stiffness."""
+    # That stiffness is a term of rank one, added by Sherman and Morrison's formula.
     inertia = linear.params.shaft_inertias
     rows = linear.rows("omega")
     out, left = np.empty((linear.size, rates.size), complex), np.empty(rates.size)
