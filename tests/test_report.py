@@ -382,6 +382,24 @@ def test_what_does_not_count_and_what_is_left_over_is_told() -> None:
     assert "own margin" not in _words(told)
 
 
+def test_the_first_screen_explains_its_columns_and_prints_no_rounding() -> None:
+    """A belt that stands has no rho v^2, drums that slip in full no efficiency of 1e-5 %."""
+    told = report()
+    assert "lost: speed" in _words(told) and "margin: factor" in _words(told)
+    spans, no_margin = told.spans, {"margin": None, "least_margin": None}
+    bare = Rows(attrs.evolve(one, used=None, used_range=None, **no_margin) for one in told.pulleys)
+    alone = _words(told, pulleys=bare, creep=Rows())
+    assert "to deg: of the hub load" in alone
+    assert not any(word in alone for word in ("lost: ", "used: ", "margin: ", "worst: "))
+    assert "rho v^2 0 N" in _words(told, mass_tension=1e-8 * digits.mean_tension(told))
+    slips = _words(told, efficiency=-2.3e-7, efficiency_error=1e-9)
+    assert "efficiency 0 %" in slips and "Efficiency 0 %" in attrs.evolve(
+        told, efficiency=-2.3e-7, efficiency_error=1e-9
+    ).text(full=True)
+    with pytest.raises(IndexError, match=f"there are {len(spans)} rows, from 0, got 99"):
+        spans[99]
+
+
 def _words(told: bd.Report, **changes: Any) -> str:
     return " ".join(str(attrs.evolve(told, **changes)).split())
 

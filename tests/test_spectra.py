@@ -15,6 +15,7 @@ import attrs
 import numpy as np
 import pytest
 from drives import cranked, reduction
+from matplotlib import pyplot as plt
 from matplotlib.collections import QuadMesh
 from pictures import SIZED, axes_of, check_room, labels
 
@@ -310,6 +311,16 @@ def test_all_has_room_on_screen_and_in_print(
             check_room(ax.figure)
             assert ax.get_window_extent().width > 0.5 * ax.figure.bbox.width
             assert ax.get_window_extent().height > 0.3 * ax.figure.bbox.height
+
+
+def test_titles_of_spectra_beside_each_other_keep_apart(coarse: bd.Result) -> None:
+    figure, axes = plt.subplots(1, 2, figsize=(9.0, 4.5), layout="constrained")
+    for ax in axes:  # a window that holds too few turns has a long title
+        bd.plot.spectrum(coarse, span="crank", last=0.05, ax=ax)
+    figure.draw_without_rendering()
+    left, right = (ax.title.get_window_extent() for ax in axes)
+    assert left.x0 > 0.0 and left.x1 < right.x0 and right.x1 < figure.bbox.width
+    plt.close(figure)
 
 
 def run(speed: Callable[[np.ndarray], np.ndarray], load: Callable[[float], float]) -> bd.Result:

@@ -28,6 +28,8 @@ _MARKERS = "osD^vP"
 _PASSINGS, _ORDERS = 3, (1, 2, 4, 6, 8)
 #: Range of the colours of a Campbell diagram, from the largest amplitude down.
 _DECADES = 2.0
+#: Width that axes alone in a figure have before they are laid out, a share of it.
+_ALONE = 0.775
 #: Fewest slices of time of a diagram.
 _SLICES = 3
 
@@ -123,6 +125,7 @@ def _title(found: Spectrum, ax: Axes, marks: bool) -> str:
         said += [note.replace(" %", "\N{NO-BREAK SPACE}%") for note in notes]
     figure = ax.get_figure()
     wide = 6.4 if figure is None else figure.get_figwidth()  # type: ignore[union-attr]
+    wide *= min(1.0, ax.get_position().width / _ALONE)
     points = FontProperties(size="small").get_size_in_points()
     most = max(30, int(72.0 * 0.85 * wide / (0.55 * points)))  # letters are that wide on average
     return "\n".join(line for one in said for line in textwrap.wrap(style.plain(one), most))

@@ -90,7 +90,7 @@ def choose(dataset: Any, quantity: object, at: object, named: Sequence[object]) 
 
 
 def _check(dataset: object, quantity: object) -> None:
-    xarray = optional_module("xarray", "pictures of sweeps", "sweep")
+    xarray = optional_module("xarray", "a picture of a sweep", "sweep")
     if not isinstance(dataset, xarray.Dataset):
         raise TypeError(f"dataset must be the xarray.Dataset of bd.sweep, got {shown(dataset)}")
     if "status" not in dataset.data_vars:

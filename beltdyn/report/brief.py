@@ -21,6 +21,15 @@ _WIDTH, _HEIGHT = 100, 39
 _LEAST = 2
 #: Losses listed one by one, largest first; smaller shares of the input power are left out.
 _LOSSES, _SMALL = 3, 1e-3
+_GROW = "factor by which all loads can grow until it slips in full"
+#: What headings of columns mean; the last one where the one before it is not there.
+_MEANINGS = {
+    "lost %": "lost: speed, against the driving pulley",
+    "to deg": "to deg: of the hub load",
+    "used %": "used: of friction, by mean tensions",
+    "margin": f"margin: {_GROW} (later: others slip first)",
+    "worst": f"worst: {_GROW}, at the worst instant",
+}
 
 
 def lines(report: ReportData) -> list[str]:
@@ -75,17 +84,10 @@ def _tables(report: ReportData) -> Iterator[Table]:
         first, *kept = (one for k, one in enumerate(whole) if k == 0 or {*one[1:]} - {NONE})
         if kept:
             heading, *rows = zip(first, *kept, strict=True)
-            yield table._replace(heading=heading, rows=rows)
-
-
-def _on_pulleys(report: ReportData) -> Iterator[str]:
-    if any(row.margin is not None or row.least_margin is not None for row in report.pulleys):
-        yield (
-            "lost: speed, against the driving pulley; to deg: of the hub load; used: of friction, "
-            "by mean tensions; margin: factor by which all loads can grow until it slips in full "
-            "(later: others slip first), of means and at the worst instant"
-        )
-    yield from text.couplings(report)
+            words = {*heading} - ({"worst"} if "margin" in heading else set())
+            told = [meaning for word, meaning in _MEANINGS.items() if word in words]
+            remarks = (*filter(None, ["; ".join(told)]), *table.remarks)
+            yield Table(table.title, heading, rows, remarks)
 
 
 def _on_spans(report: ReportData) -> list[str]:
@@ -103,7 +105,7 @@ _LAYOUTS = (
         "Pulleys",
         "pulleys",
         "name turns lost torque power load load:most direction used margin worst",
-        _on_pulleys,
+        text.couplings,
     ),
     Layout(
         "Spans",
@@ -154,7 +156,7 @@ def _balance(report: ReportData) -> str:
         told += f"; the rest, {number(rest, 2)} W: {most}"
     if report.efficiency is not None:
         percent = 100.0 * of_losses
-        told += f"; efficiency {within(100.0 * report.efficiency, percent)} %"
+        told += f"; efficiency {digits.efficiency(report)} %"
         if any(row.margin is not None and row.margin <= 1.0 for row in report.pulleys):
             return f"{told} in full slip"
         return f"{told} (+- {number(percent, 2)} % from the mesh)"

@@ -13,7 +13,7 @@ from . import digits
 from .digits import NONE, between, fixed, largest, number, or_nan, placed, within
 from .rows import SCALES, Creep, Cycle, MountRow, Power, PulleyRow, ReportData, SpanRow, Spread
 
-#: Speeds below this are rounding [rad/s], and powers below that much of the largest.
+#: Speeds and angles below this are rounding [rad/s, rad], powers that much of the largest.
 ROUNDING, _NOTHING = 1e-6, 1e-9
 #: Part of the largest power that is as good as none: half a place of 100.00 %.
 _PART = 5e-5
@@ -147,7 +147,7 @@ def _off_history(report: ReportData, _row: Cycle) -> float:
     return digits.tension_off(report) * share / (report.tension_error or share)
 
 
-def _drop_rounding(value: Spread | None, least: float) -> Spread | None:
+def drop_rounding(value: Spread | None, least: float) -> Spread | None:
     """Return a spread with numbers below rounding set to 0."""
     if value is None:
         return None
@@ -156,13 +156,13 @@ def _drop_rounding(value: Spread | None, least: float) -> Spread | None:
 
 
 def _speed(report: ReportData, row: PulleyRow, scale: float) -> tuple[str, str, str]:
-    return placed(_drop_rounding(row.speed, ROUNDING), digits.of_speed(report, row), scale)
+    return placed(drop_rounding(row.speed, ROUNDING), digits.of_speed(report, row), scale)
 
 
 def _power(report: ReportData, row: PulleyRow, _scale: float) -> str:
     """Print a pulley's power; its error is relative to the largest."""
     most = largest(one.power.mean for one in report.pulleys if one.power)
-    value = _drop_rounding(row.power, _NOTHING * most)
+    value = drop_rounding(row.power, _NOTHING * most)
     return within(value.mean if value else None, or_nan(report.power_error) * most)
 
 

@@ -96,11 +96,16 @@ def or_nan(error: float | None) -> float:
     return math.nan if error is None else error
 
 
-def tension_off(report: ReportData) -> float:
-    """Return the error of mean tensions, a share of the mean of all spans [N]."""
+def mean_tension(report: ReportData) -> float:
+    """Return the mean of the mean tensions of all spans, absolute, NaN if none is known [N]."""
     means = [row.tension.mean for row in report.spans if row.tension is not None]
     means = [one for one in means if math.isfinite(one)]  # of a span that is there
-    return or_nan(report.tension_error) * abs(sum(means) / len(means)) if means else math.nan
+    return abs(sum(means) / len(means)) if means else math.nan
+
+
+def tension_off(report: ReportData) -> float:
+    """Return the error of mean tensions, a share of the mean of all spans [N]."""
+    return or_nan(report.tension_error) * mean_tension(report)
 
 
 def of_tension(
@@ -201,6 +206,12 @@ def loss(report: ReportData, power: float, value: float | None = None) -> str:
 def total(report: ReportData, kind: str) -> float:
     """Return the sum of the powers of a kind [W]."""
     return sum(one.power for one in report.powers if one.kind == kind)
+
+
+def efficiency(report: ReportData) -> str:
+    """Return the efficiency in percent, to two decimals at most."""
+    value, error = report.efficiency or 0.0, report.efficiency_error or 0.0
+    return within(round(100.0 * value, 2), 100.0 * error)
 
 
 def lost(report: ReportData) -> tuple[str, bool]:

@@ -294,7 +294,10 @@ class Rows(tuple[_Row, ...], Generic[_Row]):
 
     def __getitem__(self, key: int | str | slice) -> Any:
         if not isinstance(key, str):
-            return super().__getitem__(key)
+            try:
+                return super().__getitem__(key)
+            except IndexError:
+                raise IndexError(f"there are {len(self)} rows, from 0, got {key}") from None
         for row in self:
             if getattr(row, "name", None) == key:
                 return row

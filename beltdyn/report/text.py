@@ -12,7 +12,7 @@ from ..base.tables import Table, wrapped
 from ..base.tables import html as html_of
 from ..drive.mounts import KINDS
 from . import digits
-from .columns import ROUNDING, Layout, has_shares, made
+from .columns import ROUNDING, Layout, drop_rounding, has_shares, made
 from .cycles import CLASSES
 from .digits import NONE, between, number, or_nan, placed, tension_off, within
 from .rows import RESIDUAL, PulleyRow, ReportData
@@ -24,6 +24,8 @@ MAX_UNEXPLAINED, NEGLIGIBLE_LOSS = 0.1, 1e-5
 LITTLE = 0.01
 #: Margins this near to each other are alike: losses on the way of the power are as large.
 ALIKE = 1.01
+#: Part of the tension below which rho v^2 is none: the belt stands.
+_STANDS = 1e-6
 #: Links on a wrap from which on arcs and ratios are right to some percent.
 LINKS = 3.0
 
@@ -87,7 +89,8 @@ def couplings(report: ReportData) -> Iterator[str]:
     for row in report.pulleys:
         if row.windup is None:
             continue
-        mean, *ends = placed(row.windup, digits.of_loads(report.accuracy), math.degrees(1.0))
+        windup = drop_rounding(row.windup, ROUNDING)
+        mean, *ends = placed(windup, digits.of_loads(report.accuracy), math.degrees(1.0))
         text = f"Coupling of {row.name}: windup {mean} deg ({between(ends)})"
         if row.overruns is not None:
             text += f", overruns {100.0 * row.overruns:.0f} % of the time"
@@ -208,10 +211,10 @@ def _on_spans(report: ReportData) -> Iterator[str]:
 def beside_tensions(report: ReportData) -> list[str]:
     """Return the tension at rest and the part of the tension that turns the belt's mass."""
     off = or_nan(report.tension_error) * abs(report.rest_tension or 0.0)  # of the run, at most
-    known = {
-        "mean tension at rest": within(report.rest_tension, off),
-        "rho v^2": number(report.mass_tension, 3),
-    }
+    mass = report.mass_tension
+    if mass is not None and mass < _STANDS * digits.mean_tension(report):
+        mass = 0.0
+    known = {"mean tension at rest": within(report.rest_tension, off), "rho v^2": number(mass, 3)}
     return [f"{name} {value} N" for name, value in known.items() if value != NONE]
 
 
@@ -248,7 +251,7 @@ def _on_powers(report: ReportData) -> Iterator[str]:
             "tell."
         )
         yield (
-            f"Efficiency {within(100.0 * report.efficiency, error)} %: what is put in less what is "
+            f"Efficiency {digits.efficiency(report)} %: what is put in less what is "
             f"lost. The error is some {number(error, 2)} %{'.' if cells(report) else ends}"
         )
 
