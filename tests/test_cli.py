@@ -121,6 +121,9 @@ def test_bad_input_is_named_in_one_line(tmp_path: Path) -> None:
     misspelt, broken = tmp_path / "misspelt.toml", tmp_path / "broken.toml"
     misspelt.write_text(bd.scenes.kubas_case_1().to_toml().replace("radius", "radus", 1))
     broken.write_text("[belt\n")
+    sweep, saved = tmp_path / "sweep.toml", tmp_path / "saved.npz"
+    sweep.write_text("scene = 'serpentine'\n[over]\nrtol = [1e-3]\n")
+    saved.write_bytes(b"PK\x03\x04\xff")
     kind, law = tmp_path / "kind.toml", tmp_path / "law.toml"
     for path, wrongly in ((kind, 'kind = "Dahl"'), (law, 'law = "dahl"')):
         text = bd.scenes.kubas_case_1().to_toml()
@@ -139,6 +142,8 @@ def test_bad_input_is_named_in_one_line(tmp_path: Path) -> None:
         (("run", tmp_path), ["is a folder, not a scene"]),
         (("run", misspelt), [str(misspelt), "pulleys[0].radus: unknown field"]),
         (("run", broken), [str(broken), "not valid TOML"]),
+        (("run", sweep), ["this is a sweep: run it with `beltdyn sweep`"]),
+        (("show", saved), [str(saved), "which Result.load reads"]),
         ((*RUN, "--t-end", "-1"), ["t_end must be > initial.t"]),
         ((*RUN, "--t-end", "nan"), ["t_end must be finite"]),
         ((*RUN, "--rtol", "0"), ["rtol must be from 1e-12 to 1"]),

@@ -76,6 +76,10 @@ def test_misspelt_arguments_are_answered_with_one_that_there_is() -> None:
     for call, message in (
         (lambda: result.report(ful=True), r"write report\(\)\.text\(full=True\)$"),
         (lambda: bd.simulate(tend=1.0), r"simulate\(\) got .* 'tend' \(did you mean 't_end'\?\)"),
+        (
+            lambda: bd.simulate(bd.scenes.serpentine(), t_end=1.0),
+            r"parts of a scene: write \*scene$",
+        ),
         (lambda: bd.settle(params=None, frict=True), r"'frict' \(did you mean 'friction'\?\)"),
         (lambda: bd.identify(fre=1), r"identify\(\) got .* 'fre' \(did you mean 'free'\?\)"),
         (

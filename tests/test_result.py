@@ -223,11 +223,11 @@ def test_initial_of_another_drive(scene: bd.Scene, start: bd.State) -> None:
     """Or of a later time than the end of the run: t_end counts from that of the state."""
     arrays = {field.name: getattr(start, field.name) for field in attrs.fields(bd.State)}
     fewer = {name: value[:-1] for name, value in arrays.items() if np.shape(value) == (60,)}
-    with pytest.raises(V, match=r"^initial\.x must have shape \(60,\), got \(59,\)$"):
+    with pytest.raises(V, match=r"^initial\.x must have shape \(60,\), got \(59,\): it is"):
         bd.simulate(*scene, initial=attrs.evolve(start, **fewer))
     other = attrs.evolve(start, theta=[0.0] * 3, omega=[0.0] * 3)
     for call in (bd.simulate, lambda *scene, initial: bd.settle(scene[0], initial=initial)):
-        with pytest.raises(V, match=r"^initial\.theta must have shape \(2,\), got \(3,\)$"):
+        with pytest.raises(V, match=r"^initial\.theta must have shape \(2,\), got \(3,\): "):
             call(*scene, initial=other)
     later = attrs.evolve(start, t=1.0)
     with pytest.raises(V, match=r"^t_end must be > initial\.t \(1 s\), got 0\.02 s"):

@@ -434,6 +434,7 @@ BAD_ARGUMENTS: list[tuple[dict[str, Any], str]] = [
     ({"measure": "span_tensoin"}, "did you mean 'span_tension'"),
     ({"measure": "span_tension.max"}, "did you mean 'span_tension.most'"),
     ({"measure": "report.pulleys.margn"}, "did you mean 'margin'"),
+    ({"measure": "report.pulleys.lost"}, "did you mean 'report.creep.lost'"),
     ({"measure": "report.pulleys[pump].margin"}, "no pulley is called 'pump'"),
     ({"measure": "mounts.travel"}, "no mounts"),
     ({"measure": {"a": 3}}, "must be a name or a function"),

@@ -131,6 +131,7 @@ def test_the_file_of_the_notebooks() -> None:
 
 WRONG = [
     ('scene = "drive.toml"', "", "scene: missing"),
+    ('scene = "drive.toml"', "belt = {}", "this is a scene: name it"),
     ("measure", "mesure", "mesure: unknown field (did you mean 'measure'?)"),
     ("count = 3", "number = 3", "over.torque.scale.number: unknown field"),
     ("from = 0.5, ", "", "over.torque.scale.from: missing"),

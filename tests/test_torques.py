@@ -210,8 +210,9 @@ def test_objects_are_as_python() -> None:
 
 def test_not_a_torque_or_for_another_number_of_pulleys() -> None:
     for wrong in (None, 3.0, "law", [1.0, 2.0], object(), lambda t: [0.0, 0.0]):
-        with pytest.raises(TypeError, match=r"^torque_fn must be callable"):
+        with pytest.raises(TypeError, match=r"^torque_fn must be callable") as error:
             run(wrong)
+        assert (wrong is None) == ("for none give bd.Viscous([0.0, 0.0])" in str(error.value))
     for torque in (bd.Viscous([1.0]), bd.PiecewiseLinear([0.0], [[1, 2, 3]]), bd.Viscous([1] * 3)):
         message = rf"each of the 2 pulley\(s\), got a torque for {torque.n_pulleys}$"
         with pytest.raises(ValueError, match=message):

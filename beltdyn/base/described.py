@@ -100,6 +100,9 @@ def _misfit(
                 return f"{function.__qualname__}() has no {name!r}: write {calls[0]}"
             hint = close_to(name, known) or f"; it takes {', '.join(known) or 'none'}"
             return f"{function.__qualname__}() got an unexpected keyword argument {name!r}{hint}"
+    if not cls and args and set(getattr(args[0], "_fields", ())) & set(takes):  # a named tuple
+        parts = type(args[0]).__name__.lower()
+        return f"{function.__qualname__}() takes the parts of a {parts}: write *{parts}"
     most = sum(one.kind is one.POSITIONAL_OR_KEYWORD for one in takes.values()) - 1
     if not cls or len(args) - 1 <= most:  # the class or its instance is one of them
         return None

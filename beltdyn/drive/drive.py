@@ -115,7 +115,7 @@ class Drive:
         try:
             return preload.first_length(*self._in_place, self._preload)
         except ValueError as error:
-            if self.belt.preload is not None:
+            if self.belt.preload is not None or not str(error).startswith("belt.preload"):
                 raise
             raise ValueError(
                 f"the mounts hold {self._preload:.4g} N in their places: {error}"

@@ -114,6 +114,8 @@ class Scene(NamedTuple):
 
     @classmethod
     def _from_document(cls, document: dict[str, Any]) -> Scene:
+        if "scene" in document and "belt" not in document:
+            raise ValueError("this is a sweep: run it with `beltdyn sweep`")
         toml.check_fields("", document, SCENE_FIELDS)
         missing = [field for field in toml.SCENE_ONLY if field not in document]
         t_end, torque = (document.pop(field, []) for field in toml.SCENE_ONLY)

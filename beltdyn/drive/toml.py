@@ -160,7 +160,8 @@ def _document(source: Source) -> tuple[dict[str, Any], str]:
         try:
             text = path.read_text(encoding="utf-8")
         except UnicodeDecodeError:
-            raise ValueError(f"{prefix}not a text file in UTF-8") from None
+            results = ", as results are, which Result.load reads" * (path.suffix == ".npz")
+            raise ValueError(f"{prefix}not a text file in UTF-8{results}") from None
     try:
         return tomllib.loads(text), prefix
     except RecursionError:

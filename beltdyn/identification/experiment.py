@@ -18,8 +18,9 @@ from ..drive.params import Params
 from ..drive.scene import Scene, first_speeds
 from ..loads.motions import MotionLike
 from ..loads.torques import TorqueLike
-from ..outputs.quantity import QUANTITIES
+from ..outputs.quantity import QUANTITIES, dimensions
 from ..outputs.state import State
+from ..result.labelled import places
 from ..result.result import Result
 from ..run.settling import settle
 from ..run.simulation import simulate
@@ -28,7 +29,8 @@ from ..run.simulation import simulate
 Read: TypeAlias = "Callable[[Result], ArrayLike]"
 
 _MOST_DIMENSIONS = 64  #: of NumPy
-_QUANTITY = re.compile(r"([a-z_.]+)(?:\[(\d+)\])?")
+_NAMES = 20  #: of columns that a message lists
+_QUANTITY = re.compile(r"([a-z_.]+)(?:\[(.+)\])?")
 
 
 def _keywords(function: Callable[..., Any], *others: str) -> set[str]:
@@ -153,9 +155,9 @@ class Experiment:
 
         Args:
             quantity: What was measured, as it is called in a Result, with its column:
-                "pulleys.omega[1]", "span_tension[0]", "joints.force[15]"; without a column, all of
-                them. Or ``quantity(result)``, which returns the values at ``result.t``; it is
-                called from several threads.
+                "pulleys.omega[1]", "pulleys.omega[fan]", "span_tension[crank to fan]",
+                "joints.force[15]"; without a column, all of them. Or ``quantity(result)``, which
+                returns the values at ``result.t``; it is called from several threads.
             t: Times of the samples (n_t,) [s], non-decreasing.
             values: The measured values (n_t,) or (n_t, k).
             sigma: Standard deviation of a measured value, one or an array that broadcasts to
@@ -311,15 +313,27 @@ def _reader(quantity: str | Read) -> Read:
     match = _QUANTITY.fullmatch(quantity)
     path, column = match.groups() if match else (quantity, None)
     if path not in _QUANTITIES:
-        raise ValueError(f"a Result has no {path!r}{close_to(path, _QUANTITIES)}")
+        parts = [one for one in _QUANTITIES if one.endswith(f".{path}")]
+        hint = f" (did you mean {parts[0]!r}?)" if parts else close_to(path, _QUANTITIES)
+        raise ValueError(f"a Result has no {path!r}{hint}")
 
     def read(result: Result) -> Array:
         values = result._history(path)
         if column is None:
             return np.asarray(values)
-        if values.ndim < 2 or int(column) >= values.shape[1]:
-            columns = values.shape[1] if values.ndim > 1 else "no"
-            raise ValueError(f"{quantity}: {path} has {columns} columns")
-        return np.asarray(values[:, int(column)])
+        if values.ndim < 2:
+            raise ValueError(f"{quantity}: {path} has no columns")
+        if column.isdecimal():
+            if int(column) >= values.shape[1]:
+                raise ValueError(f"{quantity}: {path} has {values.shape[1]} columns")
+            return np.asarray(values[:, int(column)])
+        size = QUANTITIES[path].size if path in QUANTITIES else "PULLEYS"  # "slip"
+        names = [str(one) for one in places(result.params)[dimensions(size)[0]]]
+        if column not in names:
+            raise ValueError(
+                f"{quantity}: there is no {column!r}{close_to(column, names)}; there are "
+                f"{', '.join(names[:_NAMES])}{', ...' * (len(names) > _NAMES)}"
+            )
+        return np.asarray(values[:, names.index(column)])
 
     return read

@@ -368,6 +368,8 @@ def as_terms(
     raise TypeError(
         "torque_fn must be callable as f(t, theta, omega), which returns the torques of all "
         f"pulleys [N m], a torque object or a compiled function, got {got}"
+        + f"; for none give bd.Viscous({[0.0] * len(pulleys)})"
+        * (torque_fn is None)
     )
 
 

@@ -203,7 +203,10 @@ class State:
             shape, of_rows = getattr(self, name).shape, size in ROWS and size not in lacks
             expected = (int(params.info["n_bodies"]) if of_rows else sizes[size],)
             if shape[-1:] != expected and not (size == "ALONG" and 0 in shape + expected):
-                raise ValueError(f"{argument}.{name} must have shape {expected}, got {shape}")
+                raise ValueError(
+                    f"{argument}.{name} must have shape {expected}, got {shape}: it is a state of "
+                    "another mesh or drive"
+                )
         for k, windup in zip(params.coupled, self.windup, strict=True):
             if isinstance(params.pulleys[k].coupling, OverrunningClutch) and windup < -1e-9:
                 raise ValueError(

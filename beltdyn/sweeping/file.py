@@ -68,6 +68,8 @@ def read(path: str | os.PathLike[str]) -> SweepFile:
 
 
 def _built(document: dict[str, Any], folder: Path) -> SweepFile:
+    if "scene" not in document and "belt" in document:
+        raise ValueError('this is a scene: name it in the file of a sweep, scene = "drive.toml"')
     _fields("", document, _FIELDS, 1)
     if ("over" in document) == ("sample" in document):
         raise ValueError("either over or sample must be given")

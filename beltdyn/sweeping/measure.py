@@ -253,8 +253,10 @@ def _check_of_report(name: str, params: Params) -> None:
         return
     known = flat.quantities(part)
     if quantity not in ("", *known):
+        parts = [one for one in _PARTS if quantity in flat.quantities(one)]
+        there = f" (did you mean 'report.{parts[0]}.{quantity}'?)" if parts else ""
         raise ValueError(
-            f"measure: {name!r}: there is no {quantity!r}{close_to(quantity, known)} in "
+            f"measure: {name!r}: there is no {quantity!r}{there or close_to(quantity, known)} in "
             f"{part}; there are {', '.join(known)}"
         )
     if part == "mounts" and not params.mounted:

@@ -541,6 +541,18 @@ def test_without_scipy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
         bd.identify(bd.scenes.three_pulleys().params, [], [])
 
 
+def test_columns_are_called_by_number_or_name(truth: bd.Result, experiment: bd.Experiment) -> None:
+    for number, name in (
+        ("pulleys.omega[1]", "pulleys.omega[pulley 1]"),
+        ("slip[1]", "slip[pulley 1]"),
+        ("span_tension[0]", "span_tension[pulley 0 to pulley 1]"),
+    ):
+        read, other = (experiment.curve(one, [0.01], [1.0]).read for one in (number, name))
+        np.testing.assert_array_equal(read(truth), other(truth))
+    with pytest.raises(ValueError, match=r"has no 'omega' \(did you mean 'pulleys.omega'\?\)"):
+        experiment.curve("omega[1]", [0.01], [1.0])
+
+
 MU: Any = {"free": ["friction.mu_k"]}
 INERTIA = bd.Free("pulleys[*].inertia", start=0.01)
 
@@ -574,6 +586,8 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
         ({"params": None}, TypeError, "params must be a Params"),
         (curve("pulleys.omega", [0.01], [1.0]), ValueError, r"gives shape \(1, 2\)"),
         (curve("pulleys.omega[2]", [0.01], [1.0]), ValueError, "has 2 columns"),
+        (curve("pulleys.omega[fan]", [0.01], [1.0]), ValueError, "no 'fan'; there are pulley 0"),
+        (curve("energy.total[0]", [0.01], [1.0]), ValueError, "has no columns"),
         (curve(lambda _: ["fast"], [0.01], [1.0]), TypeError, "must give real numbers"),
         ({"targets": []}, ValueError, "at least one target"),
         ({"targets": [1.0]}, TypeError, r"targets\[0\] must be"),
