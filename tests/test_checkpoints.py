@@ -27,7 +27,7 @@ from module_common import refused
 
 import beltdyn as bd
 from beltdyn import _core
-from beltdyn.base import npz, sqlite
+from beltdyn.base import sqlite
 from beltdyn.outputs.histories import GROUPS
 from beltdyn.run import checkpoints, start_of_run
 
@@ -568,16 +568,13 @@ def test_forged_files_are_refused_by_name(half: Path) -> None:
 
     def option(old: str, new: str) -> Callable[[bytes], bytes]:
         def change(content: bytes) -> bytes:
-            arrays = npz.unpack(content, start_of_run._NAMES)
-            text = str(arrays["meta.json"])
-            assert old in text
-            arrays["meta.json"] = np.array(text.replace(old, new))
-            return npz.pack(arrays)
+            assert old.encode() in content
+            return content.replace(old.encode(), new.encode())
 
         return change
 
     cases: list[tuple[str, Callable[[bytes], bytes], str]] = [
-        ("head", lambda content: b"PK" + content[100:], "^cannot go on from "),
+        ("head", lambda content: b"{" + content[100:], "^cannot go on from "),
         ("head", lambda content: content[:-30], "^cannot go on from "),
         ("rows", lambda content: content[:-8], "^cannot go on from .*samples"),
         ("rows", lambda content: content + content, "^cannot go on from .*samples"),
@@ -593,6 +590,13 @@ def test_forged_files_are_refused_by_name(half: Path) -> None:
         ("head", option('"settle_time"', '"settle_tima"'), "holds .settle_tima., which does not"),
         ("head", option('"expected": null', '"expected": ["creep"]'), "expected is of another"),
         ("head", option('"outputs": null', '"outputs": ["x"]'), "outputs"),
+        (
+            "head",
+            option('"t_eval": {"shape": [', '"t_eval": {"shape": [2, '),
+            "bytes, which are not those of",
+        ),
+        ("head", option('"float64": "', '"float64": "%'), "^cannot go on from "),
+        ("head", option('"shape"', '"form"'), "holds 'form', which does not belong there"),
     ]
     forged = half.with_name("forged")
     for of, change, words in cases:

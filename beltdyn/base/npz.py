@@ -8,7 +8,6 @@ once, and the header of an array must agree with the size of its member.
 from __future__ import annotations
 
 import errno
-import io
 import math
 import os
 import zipfile
@@ -28,24 +27,6 @@ def write(path: str | os.PathLike[str], values: Mapping[str, Any]) -> None:
     """Write an ``.npz`` file, exactly to ``path``: NumPy alone would add an ending."""
     with files.replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, **values)
-
-
-def pack(values: Mapping[str, Any]) -> bytes:
-    """Return the bytes of such a file, to be part of another."""
-    file = io.BytesIO()
-    np.savez(file, **values)
-    return file.getvalue()
-
-
-def unpack(content: bytes, names: Collection[str]) -> dict[str, NDArray[Any]]:
-    """Return the arrays packed by :func:`pack`."""
-    try:
-        return _arrays(io.BytesIO(content), len(content), names)
-    except MemoryError:
-        raise
-    except Exception as error:
-        # The exceptions of zipfile and NumPy for damaged files are not documented.
-        raise ValueError(_line(str(error) or type(error).__name__)) from None
 
 
 def read(

@@ -1,17 +1,19 @@
-"""Values read from JSON, checked by the annotations of what they stand for."""
+"""Values written as JSON, and read from it, checked by the annotations of what they stand for."""
 
 from __future__ import annotations
 
+import base64
 import json
+import math
 import sys
 from collections.abc import Mapping
 from types import NoneType, UnionType
-from typing import Any, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin
 
 import attrs
-from numpy.typing import NDArray
+import numpy as np
 
-from . import npz
+from .checks import Array
 
 #: What a value of a kind is called, and what JSON has for it.
 _PLAIN: dict[Any, tuple[str, Any]] = {
@@ -23,9 +25,24 @@ _PLAIN: dict[Any, tuple[str, Any]] = {
 }
 
 
-def parse(name: str, content: NDArray[Any]) -> dict[str, Any]:
-    """Return the table that a text in a file of arrays holds."""
-    text = npz.text(name, content)
+#: What JSON has for an array of numbers.
+_NUMBERS = {"shape": tuple[int, ...], "float64": str}
+
+
+def written(values: Mapping[str, Any]) -> str:
+    """Write a table, its arrays and the objects of attrs in it as :func:`table` reads them."""
+
+    def plain(value: Any) -> Any:
+        if attrs.has(type(value)):
+            return attrs.asdict(value, recurse=False)
+        content = base64.b64encode(np.asarray(value, "<f8").tobytes())
+        return {"shape": np.shape(value), "float64": content.decode()}
+
+    return json.dumps(values, default=plain)
+
+
+def parse(name: str, text: str | bytes) -> dict[str, Any]:
+    """Return the table that a text holds."""
     try:
         found = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -55,7 +72,19 @@ def table(kinds: Mapping[str, Any], name: str, value: Any, prefix: str | None = 
     return {key: _built(kind, f"{prefix}{key}", value[key]) for key, kind in kinds.items()}
 
 
+def _numbers(name: str, value: Any) -> Array:
+    given = table(_NUMBERS, name, value)
+    content, shape = base64.b64decode(given["float64"], validate=True), given["shape"]
+    if len(content) != 8 * math.prod(shape):
+        raise ValueError(f"{name} has {len(content)} bytes, which are not those of {shape}")
+    return np.frombuffer(content, "<f8").astype(np.float64).reshape(shape)
+
+
 def _built(kind: Any, name: str, value: Any) -> Any:
+    if get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
+    if get_origin(kind) is np.ndarray:
+        return _numbers(name, value)
     if isinstance(kind, UnionType):
         [kind] = (one for one in get_args(kind) if one is not NoneType)
         return None if value is None else _built(kind, name, value)

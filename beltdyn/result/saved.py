@@ -94,7 +94,7 @@ def read(path: str | os.PathLike[str], build: Callable[[dict[str, Any]], _T]) ->
 
 def _meta(value: NDArray[Any]) -> dict[str, Any]:
     """Return the checked description of the run."""
-    found = plain.parse("meta.json", value)
+    found = plain.parse("meta.json", npz.text("meta.json", value))
     form = found.get("format", _FORMAT)  # that it is missing is said below
     if type(form) is not int or form != _FORMAT:
         raise ValueError(f"its format is {form!r:.20}, this version reads {_FORMAT}")

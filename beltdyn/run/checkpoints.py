@@ -32,7 +32,7 @@ from .start_of_run import Start
 #: The versions are those of the kind and of the form of the file.
 _TABLES = """
 PRAGMA application_id = 0x62656c74;
-PRAGMA user_version = 2;
+PRAGMA user_version = 3;
 CREATE TABLE parts (
   id INTEGER PRIMARY KEY, kind TEXT, first INTEGER, content BLOB, checksum BLOB
 );

@@ -2,46 +2,41 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import attrs
 import numpy as np
-from numpy.typing import NDArray
 
 from .. import _core
-from ..base import npz, plain
+from ..base import plain
 from ..base.checks import Array, real, sample_times
 from ..base.naming import ByPulley
-from ..base.run_options import USUAL, Options
+from ..base.run_options import Options
 from ..drive.scene import Scene
 from ..loads.motions import MotionLike
 from ..loads.torques import TorqueLike, Viscous
 from ..outputs.accuracy_report import WORDS, Expected
 from ..outputs.selection import chosen
-from ..outputs.state import SIZES, State
+from ..outputs.state import State
 
-#: Those in text; times are an array.
-_OPTIONS = {name: row for name, row in Options.rows().items() if row.kind is not np.ndarray}
-_KIND: dict[str, Any] = {
+#: What a file has of a start: by itself, and as it stands there.
+_OWN: dict[str, Any] = {
     "version": str,
-    "kernels": str,
+    "every": float,
+    "scene": str,
     "torque": bool,
     "motion": bool | None,
     "t_end": float,
-    **{
-        name: row.kind if getattr(USUAL, name) is not None else row.kind | None
-        for name, row in _OPTIONS.items()
-    },
     "expected": list | None,
+}
+_OF_START: dict[str, Any] = {
+    "options": Options,
+    "t_eval": Array,
+    "initial": State,
     "outputs": tuple[str, ...] | None,
     "settle_time": float,
-    "every": float,
-    "t": float,
-    "residual": float | None,
+    "kernels": str,
 }
-_INITIAL = {f"initial.{name}": name for name in SIZES}
-_NAMES = {"meta.json", "scene.toml", "t_eval", "breakpoints", *_INITIAL}
 
 
 @attrs.frozen(kw_only=True)
@@ -75,66 +70,47 @@ def span(initial: State | None, t_end: float) -> tuple[float, float]:
 def pack(start: Start, every: float) -> bytes:
     """Return the bytes of how a run began, and how often it is to be written."""
     text, torque, motion = _texts(start.scene)
-    initial = start.initial
-    assert initial is not None  # a run has been settled before it is written
-    meta = {
+    own = {
         "version": _core.__version__,
-        "kernels": start.kernels,
+        "every": every,
+        "scene": text,
         "torque": torque,
         "motion": motion,
         "t_end": float(start.scene.t_end),
-        **{name: getattr(start.options, name) for name in _OPTIONS},
         "expected": start.expected and attrs.astuple(start.expected),
-        "outputs": start.outputs,
-        "settle_time": start.settle_time,
-        "every": every,
-        "t": initial.t,
-        "residual": initial.residual,
     }
-    values = {
-        "meta.json": json.dumps(meta),
-        "scene.toml": text,
-        "t_eval": start.t_eval,
-        "breakpoints": start.options.breakpoints,
-        **{saved: getattr(initial, name) for saved, name in _INITIAL.items()},
-    }
-    return npz.pack(values)
+    return plain.written(own | {name: getattr(start, name) for name in _OF_START}).encode()
 
 
 def unpack(content: bytes) -> tuple[Start, float]:
     """Read what :func:`pack` gave."""
-    arrays = npz.unpack(content, _NAMES)
-    for name in _NAMES - set(arrays):
-        raise ValueError(f"{name} is missing")
-    meta = _meta(arrays["meta.json"])
+    found = plain.parse("its beginning", content)
+    version = found.get("version")
+    if version != _core.__version__ and isinstance(version, str):
+        raise ValueError(
+            f"it was written by beltdyn {version:.40}, and this is {_core.__version__}: a run goes "
+            "on in the version that began it"
+        )
+    given: dict[str, Any] = plain.table(_OWN | _OF_START, "its beginning", found, prefix="")
+    if (expected := given["expected"]) is not None:
+        if [type(one) for one in expected] != [str, float, float] or expected[0] not in WORDS:
+            raise ValueError("expected is of another kind than it should be")
+        expected = Expected(quantity=expected[0], space=expected[1], time=expected[2])
     # With a line break it is always read as text, never as the path of another file.
-    scene = Scene.from_toml(npz.text("scene.toml", arrays["scene.toml"]) + "\n")
-    numbers = {
-        name: npz.number_array(name, arrays[name], np.float64, (arrays[name].size,))
-        for name in ("t_eval", "breakpoints")
-    }
-    initial = State._of_file(arrays, "initial.", t=meta["t"], residual=meta["residual"])
-    initial.check_fits(scene.params)
-    begin, end = span(initial, meta["t_end"])
-    start = Start(
-        scene=Scene(
-            scene.params,
-            scene.torque_fn if meta["torque"] else None,
-            end,
-            scene.motion if meta["motion"] else None,
-        ),
-        initial=initial,
-        t_eval=sample_times("t_eval", numbers["t_eval"], begin, end),
-        outputs=chosen(meta["outputs"], meta["ledger"]),
-        options=Options(
-            **{name: meta[name] for name in _OPTIONS}, breakpoints=numbers["breakpoints"]
-        ),
-        expected=meta["expected"],
-        settle_time=meta["settle_time"],
-        kernels=meta["kernels"],
-        has_motion=meta["motion"] is not None,
+    scene = Scene.from_toml(given["scene"] + "\n")
+    given["initial"].check_fits(scene.params)
+    begin, end = span(given["initial"], given["t_end"])
+    own = {name: given.pop(name) for name in _OWN}
+    given["t_eval"] = sample_times("t_eval", given["t_eval"], begin, end)
+    given["outputs"] = chosen(given["outputs"], given["options"].ledger)
+    scene = Scene(
+        scene.params,
+        scene.torque_fn if own["torque"] else None,
+        end,
+        scene.motion if own["motion"] else None,
     )
-    return start, meta["every"]
+    has_motion = own["motion"] is not None
+    return Start(scene=scene, expected=expected, has_motion=has_motion, **given), own["every"]
 
 
 def _texts(scene: Scene) -> tuple[str, bool, bool | None]:
@@ -153,19 +129,3 @@ def _texts(scene: Scene) -> tuple[str, bool, bool | None]:
     whole = text(scene.torque_fn if torque else nothing, scene.motion if motion else None)
     assert whole is not None
     return whole, torque, motion
-
-
-def _meta(content: NDArray[Any]) -> dict[str, Any]:
-    found = plain.parse("meta.json", content)
-    version = found.get("version")
-    if version != _core.__version__ and isinstance(version, str):
-        raise ValueError(
-            f"it was written by beltdyn {version:.40}, and this is {_core.__version__}: a run goes "
-            "on in the version that began it"
-        )
-    meta: dict[str, Any] = plain.table(_KIND, "meta.json", found, prefix="")
-    if (expected := meta["expected"]) is not None:
-        if [type(one) for one in expected] != [str, float, float] or expected[0] not in WORDS:
-            raise ValueError("meta.json: expected is of another kind than it should be")
-        meta["expected"] = Expected(quantity=expected[0], space=expected[1], time=expected[2])
-    return meta
