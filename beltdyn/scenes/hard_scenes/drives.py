@@ -9,12 +9,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import attrs
 import numpy as np
 
 from ...drive.parameters import parse
 from ...drive.scene import SCENE_FIELDS, Scene
-from ...loads.torques import PiecewiseLinear
 
 _HERE = Path(__file__).parent
 
@@ -33,8 +31,7 @@ def made(row: Mapping[str, Any]) -> Scene:
         document["torque"] = [_TORQUES[document["torque"]]()]
     for name, value in row.get("changes", {}).items():
         _put(document, parse(name), value)
-    scene = Scene._from_document(document)
-    return scaled(scene, row["scale"]) if "scale" in row else scene
+    return Scene._from_document(document)
 
 
 def _with_like(row: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -70,34 +67,3 @@ def _noise() -> dict[str, Any]:
 
 
 _TORQUES = {"reversing": _reversing, "noise": _noise}
-
-
-def scaled(scene: Scene, size: float) -> Scene:
-    """Return the scene with its length in a unit ``size`` times as small, forces with it.
-
-    Masses and times are as they are: a force is ``size`` times as large, a torque its square. For
-    two pulleys with a contact, Dahl friction and torques over time alone.
-    """
-
-    def part(one: Any, **powers: int) -> Any:
-        changes = {name: getattr(one, name) * size**power for name, power in powers.items()}
-        return attrs.evolve(one, **changes)
-
-    params, torque = scene.params, scene.torque_fn
-    pulleys = [
-        part(attrs.evolve(p, center=(size * p.center[0], size * p.center[1])), radius=1, inertia=2)
-        for p in params.pulleys
-    ]
-    given = {"length": 1} if params.belt.length is not None else {"preload": 1}
-    drive = attrs.evolve(
-        params,
-        belt=part(
-            params.belt, linear_density=-1, axial_stiffness=1, axial_damping=1,
-            bending_stiffness=3, bending_damping=3, **given,
-        ),
-        pulleys=pulleys,
-        contact=part(params.contact, quadratic=-2, linear=-1, damping=-1),
-        friction=part(params.friction, sigma=-1),
-    )  # fmt: skip
-    terms = PiecewiseLinear(torque.t, size**2 * torque.values)  # type: ignore[union-attr]
-    return scene._replace(params=drive, torque_fn=terms)
