@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import wraps
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 import click
 
@@ -25,82 +25,68 @@ class Asked(SimpleNamespace):
         return source is click.core.ParameterSource.COMMANDLINE
 
 
-class Option(NamedTuple):
-    """An option: its name in :class:`Asked`, what it may be (bool: a flag), text and default."""
+#: What adds an option to a command.
+Option: TypeAlias = Callable[[Callable[..., None]], Callable[..., None]]
 
-    name: str
-    kind: Any
-    text: str
-    default: Any = None
-    required: bool = False
 
-    def __call__(self, command: Callable[..., None]) -> Callable[..., None]:
-        """Add it to a command."""
-        more: dict[str, Any] = {"is_flag": True}
-        if self.kind is not bool:
-            more = {"type": self.kind, "required": self.required}
-        if self.kind is not bool and not self.required:
-            more |= {"default": self.default, "show_default": self.default is not None}
-        name = f"--{self.name.replace('_', '-')}"
-        return click.option(name, help=self.text, **more)(command)
+def option(name: str, kind: Any, text: str, default: Any = None, required: bool = False) -> Option:
+    """Return an option: its name in :class:`Asked`, what it may be (bool: a flag), its text."""
+    more: dict[str, Any] = {"type": kind, "required": required} if kind is not bool else {}
+    if default is not None:
+        more |= {"default": default, "show_default": True}
+    flag = f"--{name.replace('_', '-')}"
+    return click.option(flag, help=text, is_flag=kind is bool, **more)
 
 
 def _of_run(name: str) -> Option:
     """Return the option of the command line for an option of a run."""
     row = Options.rows()[name]
     kind = click.Choice(row.limits) if row.kind is str else row.kind
-    return Option(name, kind, row.text, getattr(USUAL, name))
+    return option(name, kind, row.text, getattr(USUAL, name))
 
 
 #: Those that several commands have.
 _SHARED = {
-    option.name: option
-    for option in (
-        *map(_of_run, ("method", "rtol", "step")),
-        Option(
-            "mesh",
-            click.Choice(MESHES),
-            "The belt on this mesh in place of the scene's; the cells of ale are chosen.",
-        ),
-        Option(
-            "out",
-            PATH,
-            "Write the result here: .npz, which Result.load reads; .nc, .csv, .mat for others.",
-        ),
-        Option("plot", PATH, "Write an overview figure here."),
-        Option("animate", PATH, "Write a film (.gif, .mp4, .html)."),
-        Option("t_end", float, "End of the run [s], instead of the scene's."),
-        Option(
-            "last",
-            float,
-            "The share of the run, from its end, that the report is of: 0.2 is the last fifth.",
-            0.2,
-        ),
-        Option("full", bool, "Print all of the report, not its first screen."),
-        Option("verbose", bool, "Print what the integrator did, too."),
-        Option("quiet", bool, "Print nothing but errors."),
-    )
+    **{name: _of_run(name) for name in ("method", "rtol", "step")},
+    "mesh": option(
+        "mesh",
+        click.Choice(MESHES),
+        "The belt on this mesh in place of the scene's; the cells of ale are chosen.",
+    ),
+    "out": option(
+        "out",
+        PATH,
+        "Write the result here: .npz, which Result.load reads; .nc, .csv, .mat for others.",
+    ),
+    "plot": option("plot", PATH, "Write an overview figure here."),
+    "animate": option("animate", PATH, "Write a film (.gif, .mp4, .html)."),
+    "t_end": option("t_end", float, "End of the run [s], instead of the scene's."),
+    "last": option(
+        "last",
+        float,
+        "The share of the run, from its end, that the report is of: 0.2 is the last fifth.",
+        0.2,
+    ),
+    "full": option("full", bool, "Print all of the report, not its first screen."),
+    "verbose": option("verbose", bool, "Print what the integrator did, too."),
+    "quiet": option("quiet", bool, "Print nothing but errors."),
+    "quiet_run": option("quiet", bool, "Print nothing but errors; --out keeps the warnings."),
 }
-
-#: Of commands that run one drive.
-QUIET_RUN = Option("quiet", bool, "Print nothing but errors; --out keeps the warnings.")
 
 
 def options(*rows: str | Option) -> Callable[[Callable[[Asked], None]], Callable[..., None]]:
     """Add options to a command, in this order: rows of its own, and names of shared ones."""
-    chosen = [
-        option
-        for row in rows
-        for option in ([row] if isinstance(row, Option) else map(_SHARED.__getitem__, row.split()))
-    ]
+    chosen: list[Option] = []
+    for row in rows:
+        chosen += [_SHARED[name] for name in row.split()] if isinstance(row, str) else [row]
 
     def decorate(function: Callable[[Asked], None]) -> Callable[..., None]:
-        @wraps(function)
-        def command(**arguments: Any) -> None:
+        def asked(**arguments: Any) -> None:
             function(Asked(**arguments))
 
-        for option in reversed(chosen):
-            command = option(command)
+        command: Callable[..., None] = wraps(function)(asked)
+        for add in reversed(chosen):
+            command = add(command)
         return command
 
     return decorate

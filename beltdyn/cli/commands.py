@@ -23,7 +23,7 @@ from ..run.simulation import simulate
 from ..scenes.hard_scenes import SCENES as HARD
 from ..scenes.hard_scenes import HardScene
 from ..verification.quantities import QUANTITIES
-from .command_options import PATH, QUIET_RUN, Asked, Option, options
+from .command_options import PATH, Asked, option, options
 from .ending import BAD_INPUT, Group, interruptible, reported, stop
 from .written import check_files, finish, running, save_figure, write_files
 
@@ -111,7 +111,7 @@ def _find(asked: Asked) -> Scene | HardScene:
 
 @main.command()
 @click.argument("scene")
-@options("mesh", Option("plot", PATH, "Draw the layout here."))
+@options("mesh", option("plot", PATH, "Draw the layout here."))
 def show(asked: Asked) -> None:
     """Show the drive of SCENE before anything runs: its data, and the way of the belt.
 
@@ -140,22 +140,21 @@ def show(asked: Asked) -> None:
 @click.argument("scene")
 @options(
     "mesh out plot animate method rtol step t_end",
-    Option("verify", bool, "Run again, finer, on other meshes: print the errors."),
-    Option("error", float, "Choose method, rtol and n_bodies for this error, 0.01: 1 %."),
-    Option("quantity", click.Choice(QUANTITIES), "What --error is the error of.", "tension"),
-    Option("budget", float, "Choose the most accurate of them for this CPU time [s]."),
-    Option(
+    option("verify", bool, "Run again, finer, on other meshes: print the errors."),
+    option("error", float, "Choose method, rtol and n_bodies for this error, 0.01: 1 %."),
+    option("quantity", click.Choice(QUANTITIES), "What --error is the error of.", "tension"),
+    option("budget", float, "Choose the most accurate of them for this CPU time [s]."),
+    option(
         "outputs", str, "What to compute and keep, by comma: pulleys,span_tension,joints.force."
     ),
     "last",
-    Option(
+    option(
         "checkpoint",
         PATH,
         "Write the run here as it goes; `beltdyn resume` goes on with it after a kill.",
     ),
-    Option("checkpoint_every", float, "Wall time between two of these writes [s].", 30.0),
-    "full verbose",
-    QUIET_RUN,
+    option("checkpoint_every", float, "Wall time between two of these writes [s].", 30.0),
+    "full verbose quiet_run",
 )
 def run(asked: Asked) -> None:
     """Run SCENE, a name from `beltdyn scenes` or a TOML file, and print a report of it.
@@ -261,9 +260,8 @@ def _check_together(asked: Asked) -> None:
 @click.argument("file", type=PATH)
 @options(
     "out plot animate last",
-    Option("checkpoint_every", float, "Wall time between two writes of FILE [s]."),
-    "full verbose",
-    QUIET_RUN,
+    option("checkpoint_every", float, "Wall time between two writes of FILE [s]."),
+    "full verbose quiet_run",
 )
 def resume_run(asked: Asked) -> None:
     """Go on with the run in FILE, which `beltdyn run --checkpoint FILE` wrote, as if not stopped.
@@ -290,14 +288,14 @@ def resume_run(asked: Asked) -> None:
 @click.argument("scene")
 @options(
     "mesh",
-    Option(
+    option(
         "quantity", click.Choice(QUANTITIES), "What table and figure show the errors of.", "tension"
     ),
-    Option("error", float, "Error to mark.", 1e-2),
-    Option("out", PATH, "Write all runs here (.csv)."),
-    Option("plot", PATH, "Write a figure here."),
-    Option("store", PATH, "Folder that keeps runs; those there are not repeated."),
-    Option("quick", bool, "Fewer meshes and tolerances, the beginning of long runs."),
+    option("error", float, "Error to mark.", 1e-2),
+    option("out", PATH, "Write all runs here (.csv)."),
+    option("plot", PATH, "Write a figure here."),
+    option("store", PATH, "Folder that keeps runs; those there are not repeated."),
+    option("quick", bool, "Fewer meshes and tolerances, the beginning of long runs."),
     "quiet",
 )
 def study_accuracy(asked: Asked) -> None:
@@ -338,8 +336,8 @@ def study_accuracy(asked: Asked) -> None:
 @click.argument("scene")
 @options(
     "mesh",
-    Option("error", float, "Error asked for.", 1e-2),
-    Option("budget", float, "CPU time for it, about [s].", 30.0),
+    option("error", float, "Error asked for.", 1e-2),
+    option("budget", float, "CPU time for it, about [s].", 30.0),
     "method t_end",
 )
 def explain_scene(asked: Asked) -> None:

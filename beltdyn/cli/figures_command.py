@@ -10,16 +10,16 @@ import click
 
 from ..base import files
 from ..base.run_warnings import RunWarning, distinct, silenced
-from .command_options import PATH, Asked, Option, options
+from .command_options import PATH, Asked, option, options
 from .ending import interruptible, reported, warn
 from .written import check_figure, check_writable
 
 
 @click.command("figures")
 @options(
-    Option("out", PATH, "Folder to write to; made if it is not there.", required=True),
-    Option("format", str, "Kinds of file, by comma.", "png,pdf"),
-    Option(
+    option("out", PATH, "Folder to write to; made if it is not there.", required=True),
+    option("format", str, "Kinds of file, by comma.", "png,pdf"),
+    option(
         "size",
         click.Choice(["notebook", "print"]),
         "print: panels as wide as a journal's column.",

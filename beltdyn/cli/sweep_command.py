@@ -15,7 +15,7 @@ from ..base.run_warnings import silenced
 from ..base.tables import columns, framed
 from ..many.outcome import STATUSES
 from ..result.exported import write_netcdf
-from .command_options import PATH, Asked, Option, options
+from .command_options import PATH, Asked, option, options
 from .ending import BAD_INPUT, FAILED, INTERRUPTED, interruptible, reported, stop
 from .written import check_files, write_files
 
@@ -32,10 +32,10 @@ _FEW, _COLUMNS = 12, 8
 @click.command("sweep")
 @click.argument("file", type=PATH)
 @options(
-    Option("out", PATH, "Results (.nc).", required=True),
-    Option("workers", int, "How many runs at a time; one for each processor."),
-    Option("scheduler", str, "Address of a Dask scheduler that has the workers."),
-    Option("store", PATH, "Folder that keeps finished runs; else OUT.runs, until all are done."),
+    option("out", PATH, "Results (.nc).", required=True),
+    option("workers", int, "How many runs at a time; one for each processor."),
+    option("scheduler", str, "Address of a Dask scheduler that has the workers."),
+    option("store", PATH, "Folder that keeps finished runs; else OUT.runs, until all are done."),
     "quiet",
 )
 def sweep_scene(asked: Asked) -> None:

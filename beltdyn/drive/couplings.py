@@ -10,22 +10,18 @@ damper belt and torques act on the pulley itself, and a ring hangs free on it.
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import attrs
 
-from .rules import Printable, from_table, numbers_of
+from .rules import Printable, from_table
 
 
 class _Joined(Printable):
     """Base of the couplings; the part that turns beside the shaft is the rim or a ring."""
 
     __slots__ = ()
-    _group = ""
     _part = "rim"
-
-    def _to_core(self) -> tuple[str, tuple[Any, ...]]:
-        return self._group, numbers_of(self._group, self)
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("isolator"))
@@ -38,7 +34,6 @@ class Isolator(_Joined):
     and the belt runs on the hub, use :class:`TorsionalDamper`.
     """
 
-    _group = "isolator"
     inertia: float
     stiffness: float
     damping: float = 0.0
@@ -67,7 +62,6 @@ class OverrunningClutch(_Joined):
             positive. The wrong way round the rotor is not driven at all.
     """
 
-    _group = "clutch"
     inertia: float
     stiffness: float | None = None
     damping: float | None = None
@@ -84,7 +78,6 @@ class TorsionalDamper(_Joined):
     pulley. ``result.couplings`` has the ring as rim.
     """
 
-    _group = "damper"
     inertia: float
     stiffness: float
     damping: float = 0.0

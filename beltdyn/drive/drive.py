@@ -77,7 +77,7 @@ class Drive:
             numbers_of("contact", self.effective_contact),
             None if self.friction is None else self.friction._to_core(),
             self.gravity,
-            parts(self.pulleys, "drag"),
+            tuple(part and part[1] for part in parts(self.pulleys, "drag")),
             parts(self.pulleys, "friction"),
             self.belt.mesh,
             tuple(pulley.side == "outside" for pulley in self.pulleys),

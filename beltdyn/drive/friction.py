@@ -51,7 +51,7 @@ from numpy.typing import ArrayLike
 
 from .. import _core
 from ..base.checks import Array, positive, real, real_array
-from .rules import Printable, from_table, numbers_of, rules_of
+from .rules import Printable, from_table, rules_of
 
 TINY = float(np.finfo(float).tiny)
 
@@ -192,9 +192,6 @@ class Friction(Printable):
             rows = [row for row in rows if row[0] not in ("mu_s", "v_stribeck")]
         return [("kind", self.law, ""), *rows, *creep]
 
-    def _to_core(self) -> _core.FrictionLaw:
-        return self.law, numbers_of(self.law, self)
-
 
 @attrs.frozen(kw_only=True)
 class Frictionless(Friction):
@@ -203,7 +200,7 @@ class Frictionless(Friction):
     A drive without any friction has ``Params.friction=None``.
     """
 
-    law = "none"
+    law = _group = "none"
 
     def coefficient(self, slip: ArrayLike, *, velocity: float, normal: float) -> Array:
         """Return zeros, after the same checks."""

@@ -24,7 +24,6 @@ from .rules import (
     Rule,
     from_table,
     instance_of,
-    numbers_of,
     rules_of,
     with_choice,
 )
@@ -133,9 +132,6 @@ class Drag(Printable):
     coulomb: float = 0.0
     viscous: float = 0.0
     quadratic: float = 0.0
-
-    def _to_core(self) -> tuple[float, ...]:
-        return numbers_of("drag", self)
 
 
 @attrs.frozen(kw_only=True, field_transformer=from_table("pulley", _CENTER))

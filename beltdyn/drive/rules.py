@@ -7,7 +7,7 @@ The table there is shared by the C core, which checks the numbers again, and the
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, get_args
+from typing import Any, ClassVar, NamedTuple, get_args
 
 import attrs
 
@@ -126,6 +126,7 @@ def from_table(
     rules = of_core | {rule.name: rule for rule in others}
 
     def transform(cls: type, fields: list[attrs.Attribute[Any]]) -> list[attrs.Attribute[Any]]:
+        cls._group = group  # type: ignore[attr-defined]
         ruled(cls, {rule.name: rule.described for rule in of_core.values()})
         return [
             checked(one, rules[one.name].check, rule=rules[one.name]) if one.name in rules else one
@@ -136,9 +137,14 @@ def from_table(
 
 
 class Printable:
-    """Mixin: ``str()`` lists each field with its value, unit and meaning."""
+    """Base of the parts: ``str()`` lists each field with its value, unit and meaning."""
 
     __slots__ = ()
+    #: Of its numbers in the core's table; :func:`from_table` sets it.
+    _group: ClassVar[str]
+
+    def _to_core(self) -> tuple[Any, ...]:
+        return self._group, numbers_of(self._group, self)
 
     def _rows(self) -> list[tuple[str, str, str]]:
         """Name, quantity and meaning of each field; of a part, those of its fields."""
