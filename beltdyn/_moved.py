@@ -61,6 +61,7 @@ MOVED = {
     "sweeping.rows": "sweeping.outcomes",
     "sweeping.table": "sweeping.dataset",
     "vibration.linear": "vibration.linearised",
+    "vibration.mesh_phases": "vibration.equilibrium",
     "vibration.search": "vibration.eigenvalues",
 }
 

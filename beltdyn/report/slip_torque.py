@@ -171,7 +171,7 @@ class _Theory:
         def unstretched(pulls: Array, radii: Array, raised: Array) -> Array:
             """Stress-free length per angle."""
             span = Span.of_pull(self.params.belt, pulls, flow)
-            sunk = depth_under(self.params, radii, span.tension, flow) - raised
+            sunk = depth_under(self.params, radii, span.tension, span.speed) - raised
             return np.asarray((radii - sunk) / span.stretch)
 
         sticking = (way.wraps - slip) * unstretched(first, self.radii, self.raised)

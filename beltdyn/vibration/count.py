@@ -45,24 +45,23 @@ def count(linear: Linear, low: float, high: float, damping: float, steps: int) -
     tilt = np.arcsin(damping)
     left, right = 1j * np.exp(1j * tilt), 1j * np.exp(-1j * tilt)
     corners = np.log([high * right, high * left, low * left, low * right, high * right])
-    total, points = 0.0, 0
+    waiting: list[Any] = []  # pairs of a place, as log z, and the argument there
     for start, end in pairwise(corners):
         places = start + (end - start) * np.linspace(0.0, 1.0, steps + 1)
-        values = [argument(np.exp(log_z)) for log_z in places]
-        waiting = list(zip(places[:-1], values[:-1], places[1:], values[1:], strict=True))
-        points += steps
-        while waiting:
-            a, at_a, b, at_b = waiting.pop()
-            middle = 0.5 * (a + b)
-            at = argument(np.exp(middle))
-            points += 1
-            one, other = _turn(at - at_a), _turn(at_b - at)
-            if max(abs(one), abs(other), abs(one + other)) < QUARTER:
-                total += one + other
-            elif points > MOST:
-                return None
-            else:
-                waiting += [(a, at_a, middle, at), (middle, at, b, at_b)]
+        waiting += pairwise([(place, argument(np.exp(place))) for place in places])
+    total, points = 0.0, len(waiting)
+    while waiting:
+        (a, at_a), (b, at_b) = waiting.pop()
+        middle = 0.5 * (a + b)
+        at = argument(np.exp(middle))
+        points += 1
+        one, other = _turn(at - at_a), _turn(at_b - at)
+        if max(abs(one), abs(other), abs(one + other)) < QUARTER:
+            total += one + other
+        elif points > MOST:
+            return None
+        else:
+            waiting += [((a, at_a), (middle, at)), ((middle, at), (b, at_b))]
     return round(total / (2.0 * np.pi))
 
 

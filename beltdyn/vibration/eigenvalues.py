@@ -23,6 +23,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.checks import Array
 from ..drive.params import Params
@@ -135,9 +136,7 @@ def search(
     while True:
         more, done = disc(linear, 1j * centre, RADIUS * centre)
         all_done &= done
-        known = [(abs(found.values - one) < SAME * centre).any() for one in more.values]
-        more = more.of(~np.array(known, dtype=bool))  # those of both discs count once
-        found = Found(*(np.concatenate(both, axis=-1) for both in zip(found, more, strict=True)))
+        found = _joined(found, more.of(_are_new(more, found.values)))  # those of both count once
         highest = (1.0 + RADIUS) * centre
         swings = -found.values.real < damping * abs(found.values)
         if np.count_nonzero(swings) >= n or centre > fastest:
@@ -172,18 +171,26 @@ def growing(linear: Linear, band: tuple[float, float], found: Found) -> tuple[Fo
     first.
     """
     shift, done = max(band[0], 1e-6 * band[1]) / (1.0 - GROWING), True
-    values, vectors = np.empty(0, complex), np.empty((linear.size, 0), complex)
+    grows = found.of([])
     while True:
         more, converged = disc(linear, complex(shift), GROWING * shift)
         done &= converged
-        for k, value in enumerate(more.values):
-            near = SAME * abs(value)
-            known = (abs(np.append(values, found.values) - value) < near).any()
-            if value.imag > -near and not known:
-                values = np.append(values, value.real if abs(value.imag) < near else value)
-                vectors = np.hstack([vectors, more.vectors[:, [k]]])
+        more = more.of(more.values.imag > -SAME * abs(more.values))
+        more = more.of(_are_new(more, np.append(grows.values, found.values)))
+        real = abs(more.values.imag) < SAME * abs(more.values)
+        grows = _joined(grows, Found(np.where(real, more.values.real, more.values), more.vectors))
         if shift * (1.0 + GROWING) > band[1]:
             break
         shift *= NEXT_GROWING
-    grows = Found(values, vectors).of(steady_share(linear, vectors) > STEADY)
+    grows = grows.of(steady_share(linear, grows.vectors) > STEADY)
     return grows.of(np.argsort(-grows.values.real)), done
+
+
+def _joined(one: Found, other: Found) -> Found:
+    return Found(*(np.concatenate(both, axis=-1) for both in zip(one, other, strict=True)))
+
+
+def _are_new(found: Found, known: Complex) -> NDArray[np.bool_]:
+    """Whether each eigenvalue is none of those known."""
+    near = SAME * abs(found.values)
+    return np.asarray((abs(found.values[:, None] - known) >= near[:, None]).all(axis=1))

@@ -2,10 +2,8 @@
 
 The core hands it out (:meth:`beltdyn._core.Model.jacobian`), as its implicit methods have it. One
 matrix gives shifts anywhere in the complex plane by a sparse LU, torques that depend on speeds,
-prescribed motions, and the running belt.
-
-Left out are the slip displacements and the angles of rims, on which nothing depends (a coupling
-knows its windup), and friction states of links that
+prescribed motions, and the running belt. Left out are the slip displacements and the angles of
+rims, on which nothing depends (a coupling knows its windup), and friction states of links that
 touch no pulley.
 
 A running belt carries its links along: J is taken as they stand at one moment, in coordinates that
@@ -14,11 +12,22 @@ small motion eta of the link at a place changes as d eta/dt = J eta - a D eta, D
 the number of the link (fourth order, of friction states second order against the belt's run, for
 these begin anew where a link arrives). Pulleys and mounts stay in their places, as do the cells of
 an ALE belt, of which a is 0 and J is all.
+
+The links that touch a pulley, and where the last of them stands against the point where the belt
+leaves, are those of one moment; a belt that runs passes through all such phases of its mesh while
+it moves on by a link. A small motion about it is then eta_i(t) = xi_i(t) exp(lambda t), xi the same
+again after the time 1 / a of a passing, when link i stands where link i + 1 has stood (Floquet):
+
+    lambda xi_i,k = J_k xi_i,k - a K (D xi)_i,k,    k = 0 ... K - 1 phases,
+
+one linear system of K times the size, D the derivative by the number i K + k, second order against
+the run; of pulleys and mounts by k alone, round a passing. Of its eigenvalues lambda + 2 pi i m a
+belong to one mode; that with m = 0 is the one of which the mean over the phases moves.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -45,9 +54,8 @@ LINK_FIELDS = ("x", "y", "phi", "vx", "vy", "vphi", "mu")
 _ANGLE, _SPEED, _RELATIVE = 1e-5, 1e-4, 1e-4
 #: Weights of neighbours in the derivative by the number of a link: second order against the run,
 #: and fourth order.
-BEHIND = {0: 1.5, -1: -2.0, -2: 0.5}
+_BEHIND = {-2: 0.5, -1: -2.0, 0: 1.5}
 _CENTRAL = {-2: 1.0 / 12.0, -1: -2.0 / 3.0, 1: 2.0 / 3.0, 2: -1.0 / 12.0}
-_BY_PLACE = {name: BEHIND if name == "mu" else _CENTRAL for name in LINK_FIELDS}
 
 
 def scipy_sparse() -> tuple[Any, Any]:
@@ -58,16 +66,17 @@ def scipy_sparse() -> tuple[Any, Any]:
 
 @attrs.frozen(kw_only=True, eq=False)
 class Linear:
-    """A drive for small motions about a state: d eta/dt = J eta."""
+    """A drive for small motions about a state, or over phases of its mesh: d eta/dt = J eta."""
 
     params: Params
-    #: About which it is linearised, as the core takes it.
-    state: Mapping[str, Any]
+    #: About which it is linearised, one for each phase, as the core takes them.
+    states: tuple[Mapping[str, Any], ...]
     #: J, sparse (n, n), of the unknowns that are kept, in their units.
     matrix: Any
-    #: Field of :class:`beltdyn.State` of each unknown (n,), and its place there.
+    #: Field of :class:`beltdyn.State` of each unknown (n,), its place there, and its phase.
     names: NDArray[np.str_]
     index: NDArray[np.intp]
+    phase: NDArray[np.intp]
     #: Size of each that goes with a motion of the belt by 1 m; of velocities the same a second.
     unit: Array
     #: Links that pass a place per second, a; 0 at rest, and of cells [1/s].
@@ -80,10 +89,6 @@ class Linear:
     prescribed: tuple[int, ...]
     #: Columns of J of prescribed theta and omega, for what drives the rest: sparse (n, n_p).
     given: tuple[Any, Any]
-    #: Phase of the mesh of each unknown (n,), see :mod:`.mesh_phases`; None: there is one.
-    phase: NDArray[np.intp] | None = None
-    #: The drive linearised at each phase; empty: there is one.
-    parts: tuple[Linear, ...] = ()
     #: Of the set torques, as :func:`linearise` takes them; None: they are constant.
     torque_slopes: tuple[Array, Array] | None = None
 
@@ -91,6 +96,27 @@ class Linear:
     def size(self) -> int:
         """Number of unknowns, n."""
         return int(self.names.size)
+
+    @property
+    def state(self) -> Mapping[str, Any]:
+        """The state at the first phase."""
+        return self.states[0]
+
+    @cached_property
+    def parts(self) -> tuple[Linear, ...]:
+        """The unknowns of each phase, itself if there is one."""
+        if len(self.states) == 1:
+            return (self,)
+        return tuple(
+            attrs.evolve(self, states=(state,), **{of: getattr(self, of)[self.phase == k]
+                         for of in ("names", "index", "phase", "unit")})
+            for k, state in enumerate(self.states)
+        )  # fmt: skip
+
+    @cached_property
+    def masses(self) -> dict[str, Array]:
+        """Masses and inertias that move with each field of speeds."""
+        return masses(self.params, self.state)
 
     @cached_property
     def ways(self) -> Array:
@@ -123,11 +149,15 @@ class Linear:
         rows = self.rows(name)
         out = np.zeros((np.size(self.state[name]), *vector.shape[1:]), dtype=vector.dtype)
         np.add.at(out, self.index[rows], vector[rows])
-        return np.asarray(out / max(len(self.parts), 1), dtype=vector.dtype)
+        return np.asarray(out / len(self.states), dtype=vector.dtype)
 
-    def at_phase(self, vector: Complex, k: int) -> Complex:
-        """Take the unknowns of ``parts[k]`` out of vectors (n, ...)."""
-        return vector if self.phase is None else vector[self.phase == k]
+    def filled(self, values: Mapping[str, Any]) -> Any:
+        """Return a vector (n,) from values of fields, 0 of others."""
+        out = np.zeros(self.size, dtype=np.result_type(float, *values.values()))
+        for name, of_field in values.items():
+            rows = self.rows(name)
+            out[rows] = of_field[self.index[rows]]
+        return out
 
     def norms(self, rate: float) -> Array:
         """Sizes of the unknowns in vibrations of this angular frequency [1/s]."""
@@ -168,76 +198,104 @@ class Linear:
 
 def linearise(
     params: Params,
-    state: State,
+    states: State | Sequence[State],
     torque_slopes: tuple[Array, Array] | None = None,
     prescribed: tuple[int, ...] = (),
     *,
     places: bool = True,
 ) -> Linear:
-    """Linearise a drive."""
+    """Linearise a drive at a state, or over the phases of a passing, as the head says."""
     sparse, _ = scipy_sparse()
-    core = state._to_core(params)
-    jacobian, names, index = _jacobian(params, core, sparse)
-    unit = _units(params, names, jacobian)
-    if torque_slopes is not None:
-        jacobian = jacobian + _of_torques(params, names, torque_slopes, sparse)
-    passing = passing_of(params, core) if places else 0.0
-    speed = speed_of(params, core) if places else 0.0
-    # a state of friction that no slip changes belongs to a link that touches nothing
-    sums = np.asarray(abs(jacobian).sum(axis=1)).ravel()
-    left_out = (names == "mu") & (sums == 0.0)
-    if passing != 0.0:
-        one = np.zeros(len(names), dtype=np.intp)
-        jacobian = jacobian - abs(passing) * derivative(
-            params, names, index, one, 1, passing, _BY_PLACE
-        )
-    jacobian = jacobian.tocsc()
-    left_out |= np.isin(names, ["theta", "omega"]) & np.isin(index, prescribed)
+    cores = [one._to_core(params) for one in ([states] if isinstance(states, State) else states)]
+    phases, first = len(cores), cores[0]
+    sizes = {name: np.size(first[name]) for name in SIZES}
+    names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
+    index = np.concatenate([np.arange(size) for size in sizes.values()])
+    own = params._belt_facts["fields"]
+    used = {name for name, size in SIZES.items() if size != "LINKS" or name in own}
+    kept = np.flatnonzero(np.isin(names, sorted(used - {"slip", "rim_angle"})))
+    whole = len(names)
+    names, index = names[kept], index[kept]
+    fixed = np.isin(names, ["theta", "omega"]) & np.isin(index, prescribed)
     of_mounts = np.isin(names, ["travel", "travel_speed", "mount_friction"])
-    left_out |= of_mounts & ~np.isin(index, [m for m, *_ in params._moving])
-    inner = np.flatnonzero(~left_out)
-    theta, omega = (jacobian[:, np.flatnonzero(names == of)][inner] for of in ("theta", "omega"))
+    fixed |= of_mounts & ~np.isin(index, [m for m, *_ in params._moving])
+    blocks, units, inner = [], [], []
+    for core in cores:
+        rows, columns, values = params._model.jacobian(core)
+        block = sparse.csc_matrix((values, (rows, columns)), shape=(whole, whole))[:, kept][kept]
+        units.append(_units(params, names, block))
+        if torque_slopes is not None:
+            block = block + _of_torques(params, names, torque_slopes, sparse)
+        # a state of friction that no slip changes belongs to a link that touches nothing
+        idle = (names == "mu") & (np.asarray(abs(block).sum(axis=1)).ravel() == 0.0)
+        inner.append(~(fixed | idle))
+        blocks.append(block)
+    kept = np.flatnonzero(np.concatenate(inner))
+    jacobian = sparse.block_diag(blocks, format="csc") if phases > 1 else blocks[0].tocsc()
+    given = [
+        sparse.vstack([block[:, np.flatnonzero(names == of)] for block in blocks]).tocsc()[kept]
+        for of in ("theta", "omega")
+    ]
+    passing = passing_of(params, first) if places else 0.0
+    speed = speed_of(params, first) if places else 0.0
+    if passing != 0.0:
+        along = _along_run(params.n_bodies, names, index, phases, passing)
+        jacobian = jacobian - abs(passing) * phases * along
+    phase = np.repeat(np.arange(phases), len(names))
     return Linear(
         params=params,
-        state=core,
-        matrix=jacobian[:, inner][inner].tocsc(),
-        names=names[inner],
-        index=index[inner],
-        unit=unit[inner],
+        states=tuple(cores),
+        matrix=jacobian.tocsc()[:, kept][kept].tocsc(),
+        names=np.tile(names, phases)[kept],
+        index=np.tile(index, phases)[kept],
+        phase=phase[kept],
+        unit=np.concatenate(units)[kept],
         passing=passing,
         speed=speed,
         trusted=cells.trusted(params, speed) if params._flows else np.inf,
         prescribed=prescribed,
-        given=(theta, omega),
+        given=(given[0], given[1]),
         torque_slopes=torque_slopes,
     )
 
 
-def _jacobian(
-    params: Params, core: Mapping[str, Any], sparse: Any
-) -> tuple[Any, Any, NDArray[np.intp]]:
-    """J of the unknowns that are kept, the field of each and its place in it."""
-    sizes = {name: np.size(core[name]) for name in SIZES}
-    names = np.concatenate([np.full(size, name, dtype="U16") for name, size in sizes.items()])
-    index = np.concatenate([np.arange(size) for size in sizes.values()])
-    rows, columns, values = params._model.jacobian(core)
-    whole = sparse.csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))
-    own = params._belt_facts["fields"]
-    used = [name for name, size in SIZES.items() if size != "LINKS" or name in own]
-    kept = np.flatnonzero(np.isin(names, used) & ~np.isin(names, ["slip", "rim_angle"]))
-    return whole[:, kept][kept], names[kept], index[kept]
+def _along_run(n: int, names: Any, index: Any, phases: int, passing: float) -> Any:
+    """D of the text at the head, by the number of the link and its phase, in the belt's run."""
+    onward, links = 1 if passing > 0.0 else -1, np.isin(names, LINK_FIELDS)
+    phase, unknown = np.divmod(np.arange(phases * len(names)), len(names))
+    behind = (names == "mu") | (phases > 1)
+    rows, columns, values = [], [], []
+    for offset in (-2, -1, 0, 1, 2):
+        weights = np.where(behind, _BEHIND.get(offset, 0.0), _CENTRAL.get(offset, 0.0))
+        weights[~(links | behind)] = 0.0
+        passed, other = np.divmod(phase + offset, phases)
+        link = index[unknown] % n
+        moved = np.where(links[unknown], (link + onward * passed) % n - link, 0)
+        there = np.flatnonzero(weights[unknown])
+        rows.append(there)
+        columns.append((other * len(names) + unknown + moved)[there])
+        values.append(weights[unknown][there])
+    at = np.concatenate(rows), np.concatenate(columns)
+    shape = (len(phase), len(phase))
+    return scipy_sparse()[0].csc_matrix((np.concatenate(values), at), shape=shape)
+
+
+def levers(params: Params, travel: Any = None) -> dict[str, Array]:
+    """Return the motion of the belt [m] that goes with each pulley, rim and mount, by its speed."""
+    radii, centers = params._radii, params.centers(travel)
+    mounts = np.ones(len(params.mounted))
+    for m, k, mount in params._moving:
+        mounts[m] = np.hypot(*mount._direction(centers[k]))
+    return {"omega": radii, "rim_speed": radii[list(params.coupled)], "travel_speed": mounts}
 
 
 def _units(params: Params, names: Any, jacobian: Any) -> Array:
     """Sizes of the unknowns at a motion of the belt by 1 m, and of velocities by 1 m/s."""
-    unit, radii, at = np.ones(len(names)), params._radii, params.centers()
-    levers = np.ones(len(params.mounted))
-    for m, k, mount in params._moving:
-        levers[m] = np.hypot(*mount._direction(at[k]))
+    unit, lever = np.ones(len(names)), levers(params)
     sizes: dict[str, Any] = dict.fromkeys(("phi", "vphi"), 2.0 / float(params.info["link_length"]))
-    sizes |= dict.fromkeys(("theta", "omega"), 1.0 / radii)
-    sizes |= dict.fromkeys(("travel", "travel_speed"), 1.0 / levers)
-    sizes |= dict.fromkeys(("rim_speed", "windup"), 1.0 / radii[list(params.coupled)])
+    sizes |= {speed: 1.0 / each for speed, each in lever.items()}
+    for name, speed in (("theta", "omega"), ("travel", "travel_speed"), ("windup", "rim_speed")):
+        sizes[name] = sizes[speed]
     for name, size in sizes.items():
         unit[names == name] = size
     # states of friction: what a slip of 1 m makes of them as it begins
@@ -302,32 +360,6 @@ def passing_of(params: Params, core: Mapping[str, Any]) -> float:
     return passing if abs(passing) > slow else 0.0
 
 
-def derivative(
-    params: Params,
-    names: Any,
-    index: Any,
-    phase: Any,
-    phases: int,
-    sense: float,
-    weights: Mapping[str, Mapping[int, float]],
-) -> Any:
-    """D of the text at the head by the phase in the run, of fields with ``weights`` of others."""
-    n, onward = params.n_bodies, 1 if sense > 0.0 else -1
-    keys = list(zip(names.tolist(), index.tolist(), phase.tolist(), strict=True))
-    where = {key: row for row, key in enumerate(keys)}
-    rows, columns, values = [], [], []
-    for row, (name, i, k) in enumerate(keys):
-        for offset, value in weights.get(name, {}).items():
-            passed, other = divmod(k + offset, phases)
-            link = i // n * n + (i % n + onward * passed) % n if name in LINK_FIELDS else i
-            column = where.get((name, link, other))
-            if column is not None:
-                rows.append(row)
-                columns.append(column)
-                values.append(value)
-    return scipy_sparse()[0].csc_matrix((values, (rows, columns)), shape=(len(names), len(names)))
-
-
 def torques_at(params: Params, core: Mapping[str, Any], torque: TorqueLike) -> Array:
     """Return the set torques at a state (n_p,) [N m], as the core evaluates them in a run."""
     now, terms = float(core["t"]), as_terms(torque, params.pulley_names)
@@ -351,12 +383,3 @@ def torque_slopes(params: Params, state: State, torque: TorqueLike) -> tuple[Arr
 
     speeds = np.maximum(_SPEED, _RELATIVE * abs(core["omega"]))
     return slope("theta", np.full(len(each), _ANGLE)), slope("omega", speeds)
-
-
-def balancing(params: Params, core: Mapping[str, Any], prescribed: tuple[int, ...]) -> Array:
-    """Return the torques (n_p,) [N m] that hold the pulleys' speeds, 0 on those prescribed."""
-    n_p = len(params.pulleys)
-    rate = params._model.rate(core, np.zeros(n_p))["omega"]
-    held = -rate * params.shaft_inertias
-    held[list(prescribed)] = 0.0
-    return np.asarray(held)

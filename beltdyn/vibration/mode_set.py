@@ -66,8 +66,8 @@ class Modes:
         decay_names: Parts that move most in these.
         turning: Eigenvalue of the drive turning as a whole, the belt along itself and the rims with
             it, which is not among the modes [1/s]: it would be 0 but for the resistance of the
-            polygon of links; None if it was not found, a pulley is prescribed, or torques give it a
-            stiffness.
+            polygon of links or, of an ALE belt, of the friction that it rolls on at the ends of its
+            wraps; None if it was not found, a pulley is prescribed, or torques give it a stiffness.
         left_out: Number of modes left out for their damping, below the highest given.
         band: Frequencies between which no mode of less than a quarter of critical damping is
             missing (2,) [Hz], up to the highest mode given: by the search, or as counted.

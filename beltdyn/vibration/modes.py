@@ -18,9 +18,8 @@ from ..outputs.state import State
 from . import participation as parts
 from .count import counted
 from .eigenvalues import STEADY, Found, growing, residuals, search
-from .equilibrium import imbalance
+from .equilibrium import imbalance, states_over
 from .linearised import Complex, Linear, linearise, passing_of, torque_slopes
-from .mesh_phases import linearise_over, states_over
 from .mode_set import Modes, Shapes
 from .turning import rigid_rates, without_turning
 
@@ -271,10 +270,10 @@ def linear_drive(
             f"not_in_equilibrium: {what} has a force left over of {percent(off)} of the "
             "belt's tension: this is about a state that does not last"
         )
-    if phases == 1 or passing_of(params, state._to_core(params)) == 0.0:
-        return linearise(params, state, slopes, prescribed)
-    states = states_over(params, state, torque, prescribed, phases)
-    return linearise_over(params, states, slopes, prescribed)
+    runs = passing_of(params, state._to_core(params)) != 0.0
+    many = phases > 1 and runs
+    states = states_over(params, state, torque, prescribed, phases) if many else [state]
+    return linearise(params, states, slopes, prescribed)
 
 
 def _mesh_error(linear: Linear, found: Found, state: State) -> Array:

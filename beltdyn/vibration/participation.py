@@ -7,7 +7,6 @@ it lies on pulleys.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from importlib import import_module
 from typing import Any
 
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from ..base.checks import Array
 from ..base.naming import span_names
 from ..result.labelled import mount_kinds
-from .linearised import Complex, Linear, masses
+from .linearised import Complex, Linear
 
 #: Share from which on a part is named second, and displacement that counts for a node.
 SECOND, NODE = 0.2, 0.05
@@ -46,13 +45,23 @@ def participation(linear: Linear, vectors: Complex) -> Participation:
     """Split the kinetic energies of modes (size, n)."""
     energy = {
         name: (each[:, None] * abs(linear.field(vectors, name)) ** 2).T
-        for name, each in masses(linear.params, linear.state).items()
+        for name, each in linear.masses.items()
     }
-    along, across = _of_belt(linear, vectors, energy)
+    n_p, n = len(linear.params.pulleys), vectors.shape[1]
+    if linear.params._flows:
+        across = energy["p"].reshape(n, n_p, energy["p"].shape[1] // n_p).sum(axis=2)
+        belt = energy["v"].sum(axis=1) + energy["along_speed"].sum(axis=1)
+    else:
+        vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
+        across = np.zeros((n, n_p))
+        for k in range(n_p):
+            free, (x, y) = linear.spans == k, linear.ways[k]
+            normal = x * vy[free] - y * vx[free]
+            across[:, k] = float(linear.params.info["link_mass"]) * np.sum(abs(normal) ** 2, axis=0)
+        belt = sum(energy[name].sum(axis=1) for name in ("vx", "vy", "vphi")) - across.sum(axis=1)
     turns, moved = energy["omega"], energy["travel_speed"]
     for c, k in enumerate(linear.params.coupled):
         turns[:, k] += energy["rim_speed"][:, c]
-    belt = along - across.sum(axis=1)
     total = belt + across.sum(axis=1) + turns.sum(axis=1) + moved.sum(axis=1)
     return Participation(
         spans=across / total[:, None],
@@ -60,23 +69,6 @@ def participation(linear: Linear, vectors: Complex) -> Participation:
         mounts=moved / total[:, None],
         belt=belt / total,
     )
-
-
-def _of_belt(linear: Linear, vectors: Complex, energy: Mapping[str, Array]) -> tuple[Array, Array]:
-    """Return twice the kinetic energies of the belt (n,), and of it across its spans (n, n_p)."""
-    n_p, n = len(linear.params.pulleys), vectors.shape[1]
-    if linear.params._flows:
-        modes = energy["p"]
-        across = modes.reshape(n, n_p, modes.shape[1] // n_p).sum(axis=2)
-        along = energy["v"].sum(axis=1) + energy["along_speed"].sum(axis=1)
-        return along + across.sum(axis=1), across
-    vx, vy = (linear.field(vectors, name) for name in ("vx", "vy"))
-    across = np.zeros((n, n_p))
-    for k in range(n_p):
-        free, (x, y) = linear.spans == k, linear.ways[k]
-        normal = x * vy[free] - y * vx[free]
-        across[:, k] = float(linear.params.info["link_mass"]) * np.sum(abs(normal) ** 2, axis=0)
-    return sum(energy[name].sum(axis=1) for name in ("vx", "vy", "vphi")), across
 
 
 def moves(linear: Linear, vectors: Complex, rates: Any) -> tuple[Complex, Complex]:
@@ -104,21 +96,20 @@ def moves(linear: Linear, vectors: Complex, rates: Any) -> tuple[Complex, Comple
 
 def weighted(linear: Linear, vectors: Complex) -> Complex:
     """Speeds in modes times roots of their inertias (m, n), of which squares are energies."""
-    weights = masses(linear.params, linear.state)
     return np.concatenate(
-        [np.sqrt(each)[:, None] * linear.field(vectors, name) for name, each in weights.items()]
+        [np.sqrt(m)[:, None] * linear.field(vectors, name) for name, m in linear.masses.items()]
     )
 
 
 def steady_share(linear: Linear, vectors: Complex) -> Array:
     """Share of the energy (n,) that is in the mean over the phases of the mesh; 1 of one phase."""
-    if not linear.parts:
+    if len(linear.parts) == 1:
         return np.ones(vectors.shape[1])
-    each = [
-        np.sum(abs(weighted(part, linear.at_phase(vectors, k))) ** 2, axis=0)
-        for k, part in enumerate(linear.parts)
-    ]
-    return np.asarray(np.sum(abs(weighted(linear, vectors)) ** 2, axis=0) / np.mean(each, axis=0))
+    each = [(part, vectors[linear.phase == k]) for k, part in enumerate(linear.parts)]
+    mean, *energies = (
+        np.sum(abs(weighted(*one)) ** 2, axis=0) for one in [(linear, vectors), *each]
+    )
+    return np.asarray(mean / np.mean(energies, axis=0))
 
 
 def same_modes(own: Complex, others: Complex) -> tuple[NDArray[np.intp], Array]:

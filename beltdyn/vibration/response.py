@@ -150,7 +150,7 @@ def frequency_response(
     torques[list(moments)] = list(moments.values())
     motions[list(moved)] = list(moved.values())
     mesh, resisted = None, 0.0
-    if not (linear.prescribed or linear.parts or params._flows):
+    if not (linear.prescribed or len(linear.parts) > 1 or params._flows):
         mesh = mesh_stiffness(linear)
         resisted = np.nan if mesh is None else float(np.sqrt(abs(mesh[2])) / (2.0 * np.pi))
         if mesh is None:
@@ -165,8 +165,8 @@ def frequency_response(
     theta, omega = turning(linear, vectors)
     moved_x, moved_y = moves(linear, vectors, 2j * np.pi * at)
     forces, tensions = [], []
-    for k, part in enumerate(linear.parts or (linear,)):
-        of_part = linear.at_phase(vectors, k)
+    for k, part in enumerate(linear.parts):
+        of_part = vectors[linear.phase == k]
         forces.append(_forces(part, of_part, *turning(part, of_part)))
         tensions.append(_spans(part, forces[-1]))
     return FrequencyResponse(
@@ -182,7 +182,7 @@ def frequency_response(
         motion=motions,
         residual=left,
         mesh_turning=resisted,
-        phases=max(len(linear.parts), 1),
+        phases=len(linear.parts),
         params=params,
     )
 
@@ -211,14 +211,11 @@ def _solve(
 ) -> tuple[Any, Array]:
     """Solve (i w - J) x = b at each w, in unknowns scaled for w; J without the mesh's stiffness."""
     # That stiffness is a term of rank one, added by Sherman and Morrison's formula.
-    inertia = linear.params.shaft_inertias
-    rows = linear.rows("omega")
+    pushed = linear.filled({"omega": torques / linear.params.shaft_inertias})
     out, left = np.empty((linear.size, rates.size), complex), np.empty(rates.size)
     for f, w in enumerate(rates):
         size, matrix, solve = linear.solver(w)
-        b = linear.given[0] @ motions + linear.given[1] @ (1j * w * motions)
-        b[rows] += (torques / inertia)[linear.index[rows]]
-        b /= size
+        b = (linear.given[0] @ motions + linear.given[1] @ (1j * w * motions) + pushed) / size
         x = solve(b)
         if mesh is not None:
             by, on = mesh[2] * mesh[0] / size, mesh[1] * size

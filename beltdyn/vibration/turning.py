@@ -1,8 +1,8 @@
 """The whole drive turning: belt along itself, rims with it, axes at rest.
 
 Where no torque depends on angles nothing resists that, so its frequency is 0. A belt of links makes
-of it what its polygon on the pulleys resists, which is no property of the drive; one that flows
-through cells resists nothing.
+of it what its polygon on the pulleys resists, which is no property of the drive; one of cells rolls
+on the bristles of friction at the ends of its wraps, which give way as it goes on.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from ..base.checks import Array
 from ..outputs.state import SPEEDS
 from .eigenvalues import Found, first_rate
-from .linearised import Complex, Linear, masses
+from .linearised import Complex, Linear
 from .participation import weighted
 
 #: Share of a mode's kinetic energy in the drive turning as a whole, from which on it is that.
@@ -25,30 +25,20 @@ SLOW, LOSSY = 1e-4, 0.1
 def rigid_turning(linear: Linear) -> Array:
     """Return the unknowns (size,) as the drive turns with the belt at 1 m/s, displaced by 1 m."""
     core, params = linear.state, linear.params
-    way = {"theta": params.route.senses / params._radii}
-    way["rim_speed"] = way["theta"][list(params.coupled)]
-    way["omega"] = way["theta"]
+    turns = params.route.senses / params._radii
+    way = {"theta": turns, "omega": turns, "rim_speed": turns[list(params.coupled)]}
     if params._flows:
-        return _filled(linear, way | {"v": np.ones(np.size(core["v"]))})
+        way["v"] = np.ones(np.size(core["v"]))
+        way["along_speed"] = np.full(np.size(core["along"]), 4.0 / np.pi)  # 1 as a series of sines
+        return np.asarray(linear.filled(way))
     dx, dy = (np.roll(core[name], -1) - np.roll(core[name], 1) for name in ("x", "y"))
-    chord = np.hypot(dx, dy)
     bend = np.roll(core["phi"], -1) - np.roll(core["phi"], 1)
     bend = (bend + np.pi) % (2.0 * np.pi) - np.pi
-    way |= {
-        "x": dx / chord,
-        "y": dy / chord,
-        "phi": bend / (2.0 * float(params.info["link_length"])),
-    }
-    return _filled(linear, way | {f"v{name}": way[name] for name in ("x", "y", "phi")})
-
-
-def _filled(linear: Linear, way: dict[str, Array]) -> Array:
-    """Return a vector (size,) from values of fields."""
-    out = np.zeros(linear.size)
-    for name, values in way.items():
-        rows = linear.rows(name)
-        out[rows] = values[linear.index[rows]]
-    return out
+    chord = np.hypot(dx, dy)
+    belt = {"x": dx / chord, "y": dy / chord}
+    belt["phi"] = bend / (2.0 * float(params.info["link_length"]))
+    way |= belt | {f"v{name}": values for name, values in belt.items()}
+    return np.asarray(linear.filled(way))
 
 
 def rigid_share(linear: Linear, vectors: Complex) -> Array:
@@ -72,12 +62,12 @@ def rigid_rates(linear: Linear) -> tuple[float, float]:
 
 
 def without_turning(linear: Linear, found: Found) -> tuple[Found, complex | None]:
-    """Split modes into all others and the mesh's resistance to turning, None: it is not there.
+    """Split modes into all others and the drive's turning as a whole, None: it is not there.
 
     It is the one that has most of the turning, at least 0.9 of its energy; none where a pulley's
     motion is prescribed, and none where set torques make more than half of its stiffness.
     """
-    if linear.prescribed or not found.values.size or linear.params._flows:
+    if linear.prescribed or not found.values.size:
         return found, None
     share = rigid_share(linear, found.vectors)
     k = int(np.argmax(share))
@@ -97,9 +87,8 @@ def mesh_stiffness(linear: Linear) -> tuple[Array, Array, float] | None:
     turn = rigid_turning(linear)
     fast = np.isin(linear.names, SPEEDS)
     by = np.where(fast, turn, 0.0)
-    weights = masses(linear.params, linear.state)
     places = {"x": "vx", "y": "vy", "phi": "vphi", "theta": "omega"}
-    carried = _filled(linear, {place: weights[speed] for place, speed in places.items()})
+    carried = linear.filled({place: linear.masses[speed] for place, speed in places.items()})
     on = np.where(fast, 0.0, turn * carried)
     on /= on @ turn
     rate = SLOW * first_rate(linear.params)
