@@ -16,8 +16,9 @@ from click.testing import CliRunner
 
 import beltdyn as bd
 from beltdyn import cli
-from beltdyn.accuracy import with_links
+from beltdyn.accuracy import differences, observe, with_links
 from beltdyn.base import run_warnings
+from beltdyn.base.rounding import percent
 from beltdyn.drive import sanity
 from beltdyn.run import observed
 
@@ -297,6 +298,64 @@ def test_what_friction_transmits_in_slip_is_what_the_pulley_does_not_gain() -> N
     left = abs(np.mean(of.torque[during, 0])) - gained
     said = float(re.search(r"transmits (\S+) N m", slips.text)[1])  # type: ignore[index]
     assert said == pytest.approx(left, rel=0.02)
+
+
+def pushed(n_bodies: int | None, inertia: float, torque: float) -> bd.Result:
+    """Light pulleys of 12 mm for 0.1 s, in the first 22 ms of which a torque acts."""
+    params = drives.light_scene().params
+    pulleys = [attrs.evolve(one, radius=0.012, inertia=inertia) for one in params.pulleys]
+    mesh = {"mesh": "joint" if n_bodies else "ale", "n_bodies": n_bodies}
+    params = attrs.evolve(params, belt=attrs.evolve(params.belt, **mesh), pulleys=pulleys)
+    pulse = bd.PiecewiseLinear([0.0, 2e-3, 0.02, 0.022], [0.0, torque, torque, 0.0], 0)
+    return run(attrs.evolve(params, gravity=(0.0, 0.0)), pulse, 0.1, rtol=1e-4)
+
+
+def test_links_that_slow_pulleys_down() -> None:
+    """Against an ALE belt, within the factor of three to which errors of meshes are estimated; and
+    where they stop them.
+    """
+    exact = observe(pushed(None, 2e-5, 0.3))
+    for n_bodies in (200, 300, 600):
+        run = pushed(n_bodies, 2e-5, 0.3)
+        told, off = run.accuracy["speed"].space, differences(observe(run), exact)["speed"]
+        assert told is not None and off / 3.0 <= told <= 3.0 * off
+        said = [one.text for one in found(run, "mesh_speed")]
+        if n_bodies == 600:
+            assert not said and told < sanity.MESH
+            continue
+        assert f"by some {percent(told)}, " in said[0] and 'Belt(mesh="ale") has none' in said[0]
+        assert "speed" in run.accuracy.sentence() and percent(told) in run.accuracy.sentence()
+    assert pushed(None, 2e-5, 0.3).accuracy["speed"].space is None
+    caught = pushed(160, 2e-6, 0.1)
+    (stopped,) = found(caught, "mesh_speed")
+    at = float(re.search(r"up to (\S+) N along", stopped.text)[1])  # type: ignore[index]
+    # 8.3 N push for a fifth of the time, and are held
+    assert at > 0.1 / 0.012 and np.ptp(caught.pulleys.theta[200:]) < 0.1
+
+
+def test_corners_of_links_raise_friction_in_full_slip() -> None:
+    """A pulley of 12 mm that a large one pulls the belt over, by links of 34 degrees. That ends of
+    wraps stand between corners, and belt on the way sticks, is less than a third of it.
+    """
+    params = drives.light_scene().params
+    pulleys = [
+        attrs.evolve(one, center=(0.5 * k, 0.0), radius=r, inertia=1.0)
+        for k, (one, r) in enumerate(zip(params.pulleys, (0.012, 0.036), strict=True))
+    ]
+    belt = attrs.evolve(params.belt, n_bodies=160, bending_stiffness=0.0, bending_damping=0.0)
+    params = bd.Params(belt=belt, pulleys=pulleys, friction=bd.Dahl(mu_k=0.5, sigma=1e4))
+    start = bd.settle(params, speed={1: -28.0})
+    motion = {
+        0: bd.PiecewiseLinear([0.0, 0.03], [start.omega[0], 0.0]),
+        1: bd.PiecewiseLinear([0.0], [start.omega[1]]),
+    }
+    result = run(params, bd.Viscous([0.0, 0.0]), 0.3, motion=motion, initial=start, rtol=1e-3)
+    tight, slack = sorted(np.nanmean(result.span_tension[500:], axis=0), reverse=True)
+    carried = slack * math.expm1(0.5 * params.route.wraps[0])
+    (slips,) = (one for one in found(result, "full_slip") if one.where == "pulley 0")
+    said = float(re.search(r"up to (\S+) % too high: Belt", slips.text)[1])  # type: ignore[index]
+    more = 100.0 * ((tight - slack) / carried - 1.0)
+    assert more > 3.0 and said == pytest.approx(more, rel=1.0 / 3.0)
 
 
 def test_just_below_full_slip() -> None:

@@ -45,6 +45,8 @@ class RunWarning:
     From the samples of a run::
 
         mesh *        as above, of the load and of links that land as well, in its place
+        mesh_speed *  links slow the pulleys down by an estimated 2 % or more, or catch on them
+                      (needs the ledger): mesh "ale", or more links
         no_friction   a pulley is driven, but friction is off: set ``Params.friction``
         full_slip     a pulley slips over its whole wrap: more preload, or less torque
         slack_span *  a span without tension: the same; the error is unknown then

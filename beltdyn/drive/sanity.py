@@ -151,6 +151,77 @@ def mesh_loss(params: Drive, contact: float, friction: float) -> float:
     return abs(contact) + abs(friction) * (1.0 / float(lie.min()) + raised)
 
 
+def landing_loss(params: Drive, rims: Array) -> Array:
+    """Return what landing links lose at the most, and dampers of links that turn (2, n) [W].
+
+    At speeds of the fastest rim (n,) [m/s] (MODEL sections 2, 6); an ALE belt has neither.
+    """
+    belt, info, radii = params.belt, params.info, params._radii
+    landed = 0.5 * belt.linear_density * float(np.sum((info["link_length"] / radii) ** 2))
+    along = params._belt_facts["stretches"]  # are damped along themselves: a string
+    turned = 0.0 if along else belt.axial_damping
+    turned *= info["strain"] ** 2 * float(np.sum(params.route.wraps / radii))
+    return np.stack([landed * np.abs(rims) ** 3, turned * rims**2])
+
+
+def cogging(params: Drive) -> tuple[float, float]:
+    """Return the force [N] and energy [J] with which corners of links catch on the pulleys.
+
+    The way of the belt changes by r (a^2 x / 24 - x^3 / 6) as a corner passes the end of a wrap at
+    angles x from -a/2 to a/2 of links that turn by a (section 6): its steepest slope, of all ends,
+    and its rms, of ends out of step.
+    """
+    turns = params.info["link_length"] / params._radii
+    depth = 0.00575 * math.sqrt(2.0 * float(np.sum((params._radii * turns**3) ** 2)))
+    tension = float(params.info["strain_tension"])
+    return tension * float(np.sum(turns**2)) / 6.0, tension * depth
+
+
+def slip_loss(params: Drive, pulls: Array, rims: Array) -> Array:
+    """Estimate the most that friction takes from a belt without a mesh (n_t, n_p) [W].
+
+    Of pulleys that hand on the pulls at the speeds of their rims: half of what the belt stretches,
+    what friction that develops on the way leaves in bristles, and, from half of what friction can
+    hold on, all by which the rims differ.
+    """
+    kinetic, developed = params._slip_limits
+    most, wraps = 2.0 * params.info["strain_tension"], params.route.wraps
+    creep = 0.5 / params.belt.axial_stiffness + developed / (most * wraps * params._radii)
+    lost = pulls**2 * np.abs(rims) * creep
+    speeds = np.abs(rims)
+    slips = np.abs(pulls) * (speeds.max(axis=1, keepdims=True) - speeds)
+    near = np.abs(pulls) > 0.5 * most * np.tanh(0.5 * kinetic * wraps)
+    return np.where(near, np.maximum(lost, slips), lost)
+
+
+def corners(params: Drive, k: int) -> str:
+    """Describe by how much links raise what full slip on a pulley holds, if by 2 % or more.
+
+    From corner to corner of links that turn by a tensions grow by (1 + mu tan a/2) / (1 - mu tan
+    a/2) and not by exp(mu a) (section 6).
+    """
+    mu, turn = params._slip_limits[0][k], params.info["link_length"] / params._radii[k]
+    steep = float(mu * np.tan(0.5 * turn))
+    if params._flows or steep >= 1.0:  # who asks for so much wants none to slip
+        return ""
+    wrap = float(params.route.wraps[k])
+    raised = math.expm1((2.0 * math.atanh(steep) / turn - mu) * wrap)
+    more = raised / -math.expm1(-mu * wrap)  # of the difference, at the slack span's tension
+    if more < MESH:
+        return ""
+    return (
+        f"; links that turn by {math.degrees(turn):.2g} deg each on it make friction there up to "
+        f"{percent(more)} too high: "
+        + _instead(params, math.sqrt(more / FINE_MESH), f"about {percent(FINE_MESH)}")
+    )
+
+
+def _instead(params: Drive, times: float, leaves: str) -> str:
+    """Suggest an ALE belt where there can be one, or links so many times as fine."""
+    ale = "" if cells.instead(params) is None else 'Belt(mesh="ale") has none of it, '
+    return f"{ale}{links(params.info['n_bodies'] * max(1.0, times))} leaves {leaves}"
+
+
 def bodies(params: Drive) -> str:
     """Describe the number of links or point masses of the belt."""
     return f"{params.info['n_bodies']} {params._belt_facts['nodes']}"
@@ -232,6 +303,26 @@ def of_mesh(
         f"{percent(allowed)}{when}" + (f". {facts['note']}" if facts["note"] else ""),
         accuracy=True,
     )
+
+
+def of_speeds(params: Drive, falls: float, stays: float) -> Iterator[RunWarning]:
+    """Warn of links that slow the pulleys down by 2 % or more; a part stays with finer ones."""
+    if not falls + stays >= MESH:  # nor if unknown
+        return
+    if math.isinf(falls):
+        text = (
+            "the corners of links catch on the pulleys, which turn no further than the belt gives "
+            f"way: it takes up to {cogging(params)[0]:.3g} N along the belt to go on, and a belt "
+            f"asks for none; {_instead(params, 2.0, 'a quarter of it')}"
+        )
+    else:
+        finer, rest = math.sqrt(falls / FINE_MESH), min(falls, FINE_MESH) + stays
+        text = (
+            "links that land on pulleys, rub and catch there take energy that a belt keeps: speeds "
+            f"may be off, mostly too low, by some {percent(falls + stays)}, the way that pulleys "
+            f"have turned with them; {_instead(params, finer, f'about {percent(rest)}')}"
+        )
+    yield RunWarning(code="mesh_speed", text=text, accuracy=True)
 
 
 def _of_belt(params: Drive) -> Iterator[RunWarning]:

@@ -16,6 +16,9 @@ TIME_FLOOR = 1e-6
 #: The same in space: other meshes are integrated in time to no better than about this.
 SPACE_FLOOR = 1e-4
 
+#: Errors of the mesh from which on they are named, those in time known or not.
+LARGE = 0.02
+
 #: The quantities whose error in time the integration estimates.
 TENSIONS = ("tension", "span_mean")
 
@@ -75,11 +78,12 @@ class Accuracy:
     Without ``simulate(..., verify=True)`` it holds what costs nothing to compute: for tensions, an
     upper estimate of the error in time (``stats.error``) and an estimate of the error of the mesh,
     from the angles between links, the vibration that they cause as they land, and the torques
-    (:func:`beltdyn.drive.sanity.mesh_error`); for friction and power, the error of the mesh, from
-    the energy lost in the contact (:func:`beltdyn.drive.sanity.mesh_loss`, needs the ledger); for
-    every quantity, the effect of the compliance of the contact; the local error; and the energy
-    balance. The errors of speed and creep in time and of the mesh are not known then; for creep
-    they can be many times those of tension.
+    (:func:`beltdyn.drive.sanity.mesh_error`); from the energy ledger, the error of the mesh for
+    friction and power (:func:`beltdyn.drive.sanity.mesh_loss`) and, of links, for speeds that are
+    not prescribed (:func:`beltdyn.outputs.sampled.slowed`); for every quantity, the effect of the
+    compliance of the contact; the local error; and the energy balance. The errors of speed and
+    creep in time, and of creep of the mesh, are not known then; for creep they can be many times
+    those of tension.
 
     Attributes:
         verified: Whether other runs have shown the errors in time and in space of every quantity.
@@ -125,10 +129,12 @@ class Accuracy:
         return attrs.evolve(self, errors=errors, notes=(*self.notes, note))
 
     def summary(self) -> list[tuple[str, str]]:
-        """Return the total errors of tensions and creep in a few rows of label and text."""
+        """Return the total errors of a few quantities in rows of label and text."""
         rows = [("accuracy, measured" if self.verified else "accuracy, estimated", "")]
-        for name in ("tension", "span_mean", "creep", "power"):
+        for name in ("tension", "speed", "span_mean", "creep", "power"):
             one = self[name]
+            if name == "speed" and not _large(one):
+                continue
             in_time = _share(one.time, TIME_FLOOR)
             if not self.verified and not in_time.startswith("<"):
                 in_time = f"at most {in_time}"
@@ -157,6 +163,7 @@ class Accuracy:
             if one.total is not None:
                 known.append(f"{name} {_share(one.total, 0.0)}")
             else:
+                name += f" (of the mesh {_share(one.space, 0.0)})" if _large(one) else ""
                 unknown["of" if one.space is None else "in time of"].append(name)
         told = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
         if any(one.total is not None for one in self.errors if one.quantity in TENSIONS):
@@ -220,6 +227,10 @@ class Expected:
     quantity: str
     space: float = attrs.field(converter=float)
     time: float = attrs.field(converter=float)
+
+
+def _large(error: QuantityError) -> bool:
+    return error.space is not None and error.space >= LARGE
 
 
 def _share(value: float | None, floor: float) -> str:

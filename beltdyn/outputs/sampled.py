@@ -173,6 +173,14 @@ class Running:
     shaking_over_time: float  # the same over the whole run
     pull: float = 0.0  # largest difference of mean tensions across a pulley, of its torque [N]
     power: float = 0.0  # largest mean power of a torque [W]
+    # over the whole run:
+    travel: float = 0.0  # of the rim that comes farthest [m]
+    net: float = 0.0  # of the torques along the belt, mean [N]
+    pushed: float = 0.0  # how far that would take pulleys and belt from rest [m]
+    work: float = 0.0  # largest work of a torque [J]
+    landed: float = 0.0  # the most that links lose as they land [J]
+    turned: float = 0.0  # lost in dampers of links that turn with the belt [J]
+    slipped: float = 0.0  # the most that friction takes without a mesh [J]
 
 
 def running(params: Params, t: Array, arrays: Mapping[str, Array], end: State) -> Running:
@@ -201,7 +209,24 @@ def running(params: Params, t: Array, arrays: Mapping[str, Array], end: State) -
     most = 2.0 * float(params.info["strain_tension"])  # all it can hold
     pull = min(most, float(np.max(np.abs(late @ torque) / radii)))
     power = float(np.max(np.abs(late @ (torque * omega))))
-    return attrs.evolve(found, pull=pull, power=power)
+    inertia = np.array([pulley.inertia for pulley in params.pulleys])
+    pulls = (torque - inertia * np.gradient(omega, t, axis=0)) / radii
+    whole = time_weights(t, t[0]) * lasts
+    landed, turned = sanity.landing_loss(params, np.sqrt(rims)) @ whole
+    net = abs(float(time_weights(t, t[0]) @ torque @ (params.route.senses / radii)))
+    mass = params.belt.linear_density * params.info["length"] + float(np.sum(inertia / radii**2))
+    return attrs.evolve(
+        found,
+        pull=pull,
+        power=power,
+        travel=float(np.max(np.abs(whole @ omega) * radii)),
+        net=net,
+        pushed=0.5 * net / mass * lasts**2,
+        work=float(np.max(np.abs(whole @ (torque * omega)))),
+        landed=float(landed),
+        turned=float(turned),
+        slipped=float(np.sum(whole @ sanity.slip_loss(params, pulls, omega * radii))),
+    )
 
 
 def _vibration(run: Sampled) -> float:
@@ -213,6 +238,29 @@ def _vibration(run: Sampled) -> float:
     tension = span_tension(run.contact.pulley[rows], run.joints.force[rows], n_p)
     tension = tension[:, np.isfinite(tension).all(axis=0)]
     return math.sqrt(float(np.mean(np.var(tension, axis=0)))) if tension.size else 0.0
+
+
+def slowed(run: Sampled) -> tuple[float, float] | None:
+    """Estimate by how much links slow the pulleys down, relative to their speed (MODEL section 6).
+
+    What links that land, rub and catch take, and what their dampers do, which no mesh changes.
+    None where speeds are prescribed or it is unknown, and of pulleys that only give way to the
+    belt's stretch, unless torques push on while links can hold them: infinite.
+    """
+    seen, energy, info = run._running, run.energy, run.params.info
+    if seen is None or energy is None or run.prescribed or not run._has("energy"):
+        return None
+    if run.params._flows:
+        return None
+    force, catch = sanity.cogging(run.params)
+    if seen.travel <= (gives := info["strain"] * info["length"]):
+        return (math.inf, 0.0) if seen.net < force and seen.pushed > gives else None
+    swing = 2.0 * float(time_weights(run.t, run.t[0]) @ energy.kinetic)
+    moving = swing + 0.5 * seen.work
+    damped = float(np.ptp(energy.contact_loss) + np.ptp(energy.joint_loss))
+    rubbed = max(0.0, float(np.ptp(energy.friction_loss)) - seen.slipped)
+    lost = min(seen.landed, damped) + rubbed
+    return lost / moving + catch / swing, min(seen.turned, damped) / moving
 
 
 def _of_mesh(run: Sampled) -> dict[str, float]:
@@ -227,6 +275,8 @@ def _of_mesh(run: Sampled) -> dict[str, float]:
     tension = float(params.info["strain_tension"])
     if run.stats.growth > 0.0 and run._has("joints.force") and run._has("contact.pulley"):
         found["tension"] = max(found["tension"], _vibration(run) / tension)
+    if (slower := slowed(run)) is not None:
+        found["speed"] = sum(slower)
     if not seen.power > 0.0 or not run._has("energy") or run.energy is None:
         return found
     first = int(np.argmax(time_weights(t, t[-1] - LAST * (t[-1] - t[0])) > 0.0))

@@ -314,7 +314,7 @@ def _closing(report: ReportData) -> Iterator[tuple[str, Sequence[str]]]:
 
 def foreseen(report: ReportData, code: str) -> bool:
     """Whether a warning is an estimate of something measured since."""
-    return code == "mesh" and report.accuracy.verified
+    return code in ("mesh", "mesh_speed") and report.accuracy.verified
 
 
 def lines(report: ReportData) -> list[str]:

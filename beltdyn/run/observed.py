@@ -18,6 +18,7 @@ from ..drive.couplings import OverrunningClutch
 from ..drive.params import Params
 from ..outputs.arcs import gross_slip
 from ..outputs.averages import durations, span_of
+from ..outputs.sampled import slowed
 from ..outputs.selection import has, unchecked
 from ..outputs.squeal import squeals
 from ..result.result import Result
@@ -37,6 +38,7 @@ def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ..
         found = {
             "no_friction": _no_friction(result),
             "mesh": _mesh(result),
+            "mesh_speed": _mesh_speed(result),
             "units": _torques(result, moved),
             "full_slip": _full_slip(result, moved),
             "slack_span": _slack_spans(result),
@@ -72,6 +74,12 @@ def _mesh(result: Result) -> Iterator[RunWarning]:
     if error is None or seen is None:
         return sanity.of_mesh(params)
     return sanity.of_mesh(params, error, seen.shaking, seen.rim_speed)
+
+
+def _mesh_speed(result: Result) -> Iterator[RunWarning]:
+    slower = slowed(result)
+    if slower is not None:
+        yield from sanity.of_speeds(result.params, *slower)
 
 
 def _torques(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
@@ -117,7 +125,7 @@ def _full_slip(result: Result, moved: Collection[int]) -> Iterator[RunWarning]:
             text=f"{params.label(k)} slips over its whole wrap, by {found.slip_distance[k]:.2g} m, "
             f"for {np.sum(lasts[slips]):.3g} s {span_of(when)}, which dissipates "
             f"{found.lost[k]:.3g} J: friction transmits {carried:.3g} N m in the mean of that "
-            f"time{of_set}; {_tighter(params)}{less}",
+            f"time{of_set}; {_tighter(params)}{less}{sanity.corners(params, k)}",
             t=float(when[0]),
             where=params.label(k),
         )
