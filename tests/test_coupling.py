@@ -621,6 +621,11 @@ def test_a_clutch_that_never_drives_is_asked_about() -> None:
             params, load, 0.02, {0: bd.PiecewiseLinear([0.0], [20.0])}, t_eval=times,
             initial=bd.settle(params, speed={0: 20.0}),
         )  # fmt: skip
+    # from the start on, where the crank's harmonics let the clutch catch and brake the hub
+    crank = bd.CrankMotion(20.0, orders=[8.0], amplitudes=[0.02])
+    with pytest.warns(bd.BeltdynWarning, match=r"^never_drives: .* pulley 1 drives nothing"):
+        uneven = bd.simulate(params, load, 0.05, {0: crank})
+    assert uneven.couplings.transmitted.any()
     text = run.report(0.999).text()
     assert "drives nothing: is it to drive the other way round" in " ".join(text.split())
     (warned,) = (one for one in run.warnings if one.code == "never_drives")

@@ -56,8 +56,8 @@ class RunWarning:
         steep_span *  of an ALE belt: a span swings by more than a slope of 0.1
         squeal *      of an ALE belt: friction makes vibrations on a hardly damped contact grow,
                       which it has none of: more ``contact.damping``, or mesh "joint"
-        never_drives  an overrunning clutch is free all the time under a rim that turns the other
-                      way than it drives: is ``clockwise`` right?
+        never_drives  an overrunning clutch is free, or brakes what it is to drive, under a rim that
+                      turns the other way than it drives: is ``clockwise`` right?
 
     From its steps::
 

@@ -27,7 +27,7 @@ _LOOKED_FOR = {
     "units": named(pulleys="torque"),
     "full_slip": named(pulleys="torque", contact="pulley normal friction velocity"),
     "slack_span": (SPANS,),
-    "never_drives": named(couplings="transmitted rim_speed"),
+    "never_drives": named(couplings="transmitted rim_speed", pulleys="omega"),
 }
 _OF_SPANS = named(contact="pulley", joints="force")
 

@@ -139,7 +139,7 @@ def _tighter(params: Params) -> str:
 
 
 def _backward_clutches(result: Result) -> Iterator[RunWarning]:
-    """Warn of clutches that are free at every sample under a rim that turns the other way."""
+    """Warn of clutches under a rim that turns the other way: they drive nothing, or brake it."""
     params, run = result.params, result.couplings
     for c, k in enumerate(params.coupled):
         clutch = params.pulleys[k].coupling
@@ -147,7 +147,9 @@ def _backward_clutches(result: Result) -> Iterator[RunWarning]:
             continue
         speed = float(np.mean(run.rim_speed[:, c])) * (-1.0 if clutch.clockwise else 1.0)
         turned = speed * (result.t[-1] - result.t[0])
-        if turned < -TURNED and not run.transmitted[:, c].any():
+        # while the hub still runs as its rim the clutch catches now and then, and brakes it
+        driven = float(np.mean(run.transmitted[:, c] * result.pulleys.omega[:, k]))
+        if turned < -TURNED and driven <= 0.0:
             drives = "clockwise" if clutch.clockwise else "counter-clockwise"
             yield RunWarning(
                 code="never_drives",

@@ -441,9 +441,11 @@ static int check_limits(const bd_plan *plan, double t, bd_error *err) {
     const double slope = swings + stands;
     if (!(slope < STEEPEST)) {
       return bd_fail_at(err, BD_ERR_OFF_PULLEY, "belt", t, -1, j, slope,
-                        "the span behind %s %s with a slope of %.2g at t = %.9g s, %s",
+                        "the span behind %s %s with a slope of %.2g at t = %.9g s, %s, or more "
+                        "preload%s",
                         bd_pulley_label(plan->model, j).text,
-                        swings > stands ? "swings" : "is bent by its stiffness", slope, t, advice);
+                        swings > stands ? "swings" : "is bent by its stiffness", slope, t, advice,
+                        swings > stands ? ", which shifts resonances (bd.modes tells them)" : "");
     }
     const double bends = sqrt(ale->bending / ale->rest);
     if (!(arc->wrap * arc->radius > fmax(2.0 * bends, LEAST * arc->radius))) {
