@@ -17,6 +17,7 @@ import dense
 import numpy as np
 import pytest
 from drives import reduction, sprung_alternator
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from two_pulleys import open_drive
 
@@ -291,6 +292,8 @@ def test_modes_and_responses_are_drawn_and_printed_as_they_are() -> None:
     modes = found()
     sweep = np.geomspace(50.0, 400.0, 100)
     response = bd.frequency_response(modes.params, modes.state, sweep, motion="crank")
+    beside = bd.plot.frequency_response(response, axes=tuple(Figure().subplots(1, 2)))
+    assert [ax.get_xlabel() for ax in beside] == ["frequency [Hz]"] * 2
     upper, lower = bd.plot.frequency_response(response, "span_tension")
     assert len(bd.plot.frequency_response(response, "span_tension", "crank")[0].lines) == 1
     broken = 0

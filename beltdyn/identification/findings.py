@@ -24,6 +24,11 @@ from .linear import Combination
 #: Of the test of residuals: least samples, least rms in standard deviations, and probability below
 #: which they are not those of noise.
 _SAMPLES, _MATTERS, _CHANCE = 20, 0.5, 1e-3
+#: Factors by which measured curves are off, within a part, that are in another unit or sense, and
+#: what they then leave of them: a fit that is off by less has another reason.
+_UNITS = {"": 1.0, "in 1/min": 30.0 / math.pi, "in degrees": 180.0 / math.pi}
+_UNITS |= {"in thousandths of its unit": 1e3, "in thousands of its unit": 1e-3}
+_ALIKE, _LEFT = 0.05, 0.2
 
 
 @attrs.frozen(eq=False, repr=False)
@@ -345,6 +350,7 @@ class Identification:
                 f"the residuals of {name} have structure (Ljung and Box: p = {chance:.1g}): the "
                 "model, the data or this minimum is wrong, the intervals are not to be trusted"
             )
+        yield from self._units()
         left = len(self.labels) - len(self.values)
         if left < 0:
             yield f"{len(self.labels)} numbers cannot fix {len(self.values)} parameters"
@@ -357,6 +363,25 @@ class Identification:
                 f"the fit misses the data by {self.misfit:.3g} times sigma: the intervals are "
                 "too narrow, because the model or sigma is wrong"
             )
+
+    def _units(self) -> Iterator[str]:
+        """Ask about curves that are what is computed, but for a unit or a sense."""
+        begin = 0
+        for name, residuals in self.residuals.items():
+            computed = self.computed[begin : begin + residuals.size]
+            begin += residuals.size
+            measured = computed - (residuals * self.sigma[name]).ravel()
+            power = float(computed @ computed)
+            factor = float(computed @ measured) / power if power > 0.0 else 1.0
+            for unit, size in _UNITS.items():
+                left = np.linalg.norm(measured - math.copysign(size, factor) * computed)
+                far = abs(abs(factor) - size) > _ALIKE * size or left > _LEFT * size * power**0.5
+                turned = "counted clockwise" if factor < 0.0 else ""
+                if not far and name in self._curves and (unit or turned):
+                    yield (
+                        f"the values of {name} are some {factor:.3g} times what is computed: are "
+                        f"they {' and '.join(filter(None, (unit, turned)))}?"
+                    )
 
     def _remark(self, name: str) -> str:
         if name in self.at_limit:

@@ -214,8 +214,10 @@ def frequency_response(
         lower.plot(*_unbroken(response.frequency, np.degrees(np.angle(values[:, k]))), **look)
     upper.set_yscale("log")
     row, short = _QUANTITIES[output]
-    style.dress(upper, "", f"amplitude of {row.axis(short=short)}")
-    style.dress(lower, "frequency [Hz]", "phase [deg]")
+    along = "frequency [Hz]"
+    below = upper.get_shared_x_axes().joined(upper, lower)
+    style.dress(upper, "" if below else along, f"amplitude of {row.axis(short=short)}")
+    style.dress(lower, along, "phase [deg]")
     lower.set_yticks([-180, -90, 0, 90, 180])
     style.legend(upper)
     return upper, lower

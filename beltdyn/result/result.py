@@ -48,6 +48,8 @@ class Result(Sampled):
         couplings rim_angle, rim_speed, windup, transmitted        (n_t, n_c)
         energy    kinetic, ..., residual, passed                   (n_t,)
 
+    Columns are in the order of ``params.pulleys``, mounts and couplings in that of pulleys that
+    have one: ``pulleys.omega[:, params.pulley_index("crank")]``.
     ``span_tension`` is NaN where no link is free in the span or none touches one of its pulleys.
     An ALE belt (``Belt(mesh="ale")``) has cells, which stand still, in place of links and joints,
     in the order of span 0, pulley 1, span 1 and so on to pulley 0; ``spans``, ``belt.flow`` and

@@ -541,6 +541,22 @@ def test_without_scipy_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
         bd.identify(bd.scenes.three_pulleys().params, [], [])
 
 
+def test_a_unit_or_sense_of_another_kind_is_asked_about(rig: bd.Params) -> None:
+    """A motor at a set speed, so that no parameter can make up for it; speeds with noise."""
+    run = bd.Experiment(bd.Viscous([0.0, 1.0]), T_END, motion={0: bd.PiecewiseLinear([0], [20.0])})
+    seen = bd.simulate(rig, run.torque_fn, T_END, motion=run.motion, t_eval=TIMES).pulleys.omega
+    noisy = seen[:, 1] + np.random.default_rng(1).normal(0.0, 0.01 * np.abs(seen).max(), TIMES.size)
+    for factor, asked in (
+        (30.0 / math.pi, "in 1/min?"),
+        (-1.0, "counted clockwise?"),
+        (-180.0 / math.pi, "in degrees and counted clockwise?"),
+        (1.0, None),
+    ):
+        data = [run.curve("pulleys.omega[1]", TIMES, factor * noisy)]
+        text = str(identify(rig, ["friction.mu_k"], data, max_nfev=2))
+        assert (f"computed: are they {asked}" in text) if asked else "computed: are" not in text
+
+
 def test_columns_are_called_by_number_or_name(truth: bd.Result, experiment: bd.Experiment) -> None:
     for number, name in (
         ("pulleys.omega[1]", "pulleys.omega[pulley 1]"),
