@@ -17,7 +17,8 @@ from matplotlib.collections import LineCollection
 from PIL import Image
 
 import beltdyn as bd
-from beltdyn.plot.animation import _frames, _pace, film_writer
+from beltdyn.plot.animation import film_writer
+from beltdyn.plot.picture import _frames, _pace
 
 N_T, T_END = 41, 0.3
 

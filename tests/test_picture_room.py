@@ -126,8 +126,9 @@ def test_headroom_on_a_logarithmic_axis() -> None:
         ax.plot([0.0, 1.0], [1e-3, 1e6])
         ax.set_yscale("log")
         ax.figure.draw_without_rendering()
-        bd.plot.style.add_headroom(ax, rows=6)
+        row = 1.5 * FontProperties(size="small").get_size_in_points() * ax.figure.dpi / 72.0
+        share = 7.0 * row / ax.get_window_extent().height
+        bd.plot.style.leave_free(ax, share, above=True)
         ax.figure.draw_without_rendering()
         free = ax.get_window_extent().y1 - ax.transData.transform((1.0, 1e6))[1]
-        row = 1.5 * FontProperties(size="small").get_size_in_points() * ax.figure.dpi / 72.0
     assert 6.0 * row < free < 9.0 * row

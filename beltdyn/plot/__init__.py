@@ -41,26 +41,27 @@ except ImportError:
         "beltdyn.plot needs matplotlib: python -m pip install matplotlib (or beltdyn[plot])"
     ) from None
 
-from .animation import Animation, animate
-from .belt import drive, force_along_belt, overview, tension_along
+from .animation import Animation
 from .history import (
     arcs,
     contact_forces,
     energy,
+    force_along_belt,
     friction_coefficient,
     joint_deformation,
     joint_force,
     relative_velocity,
     span_tensions,
     speeds,
+    tension_along,
     torques,
     travel,
 )
-from .layout import layout
 from .mode_shapes import animate_mode, frequency_response, mode
+from .picture import animate, drive, overview
 from .spectrum_lines import campbell, spectrum
-from .sweep_lines import lines
-from .sweep_map import map
+from .sweeps import lines, map
+from .to_scale import layout
 
 __all__ = [
     "Animation",

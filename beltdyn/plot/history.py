@@ -1,8 +1,8 @@
-"""Over time: speeds, torques, tensions, joints, mounts, arcs, energy; contact of single links."""
+"""Curves over time, of the drive and of single links, and of forces along the belt."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,12 +10,25 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from ..base.checks import Array
-from ..base.naming import span_names
+from ..base.checks import integer
+from ..outputs.places import along
 from ..outputs.quantity import QUANTITIES, SPANS, TIME
 from ..result.result import Result
 from . import style
-from .panel import Indices, Pulleys, choice, draws, lines, named_pulleys, numbered, over_time, panel
+from .labels import rows_of_names
+from .panel import (
+    Curve,
+    Indices,
+    Pulleys,
+    choice,
+    columns,
+    draws,
+    lines,
+    over_time,
+    panel,
+    runs,
+    sample,
+)
 
 _LOSSES = (
     ("friction_loss", "friction"),
@@ -24,6 +37,8 @@ _LOSSES = (
     ("drag_loss", "bearing drag"),
 )
 _FORCES = ("normal", "friction")
+#: Places to a link: joints are met where they are, and between them forces are interpolated.
+_PER_LINK = 4
 
 
 @draws()
@@ -34,17 +49,15 @@ def speeds(
 
     Of pulleys with a coupling those of their shafts, and dotted those of their rims.
     """
-    columns = named_pulleys(result, pulleys)
-    which = [k for k, *_ in columns]
-    rims = []
-    for c, k in enumerate(result.params.coupled):
-        if k in which and result.couplings is not None:
-            coupling = result.params.pulleys[k].coupling
-            part = "rim" if coupling is None else coupling._part
-            name = f"{part} of {style.plain(result.pulleys.names[k])}"
-            rim = (k, name, result.t, result.couplings.rim_speed[:, c])
-            rims.append((rim, {"linestyle": ":"}))
-    return over_time(result, "pulleys.omega", columns, ax, line, more=rims)
+    params, rims = result.params, []
+    for k, _, name in columns(params, "pulley", pulleys):
+        coupling = params.pulleys[k].coupling
+        if coupling is not None and result.couplings is not None:
+            speed = result.couplings.rim_speed[:, params.coupled.index(k)]
+            rims.append(
+                Curve(k, f"{coupling._part} of {name}", result.t, speed, {"linestyle": ":"})
+            )
+    return over_time(result, "pulleys.omega", pulleys, ax, line, more=rims)
 
 
 @draws()
@@ -52,21 +65,19 @@ def torques(
     result: Result, *, pulleys: Pulleys | None = None, ax: Axes | None = None, **line: Any
 ) -> Axes:
     """Draw the set torques M_d of (2.12) over time: Figs 6 and 13 of the paper."""
-    return over_time(result, "pulleys.torque", named_pulleys(result, pulleys), ax, line)
+    return over_time(result, "pulleys.torque", pulleys, ax, line)
 
 
 @draws()
 def span_tensions(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
     """Draw the mean tension of each free span over time; gaps where a span has no joint."""
-    names = span_names(result.pulleys.names)
-    columns = [(k, k, style.plain(name)) for k, name in enumerate(names)]
-    return over_time(result, SPANS, columns, ax, line)
+    return over_time(result, SPANS, None, ax, line)
 
 
 @draws()
 def joint_force(result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any) -> Axes:
     """Draw the force along joints (2.2) over time: Figs 8b and 15 of the paper."""
-    return over_time(result, "joints.force", numbered(result, "joint", joint), ax, line)
+    return over_time(result, "joints.force", joint, ax, line)
 
 
 @draws()
@@ -74,8 +85,7 @@ def joint_deformation(
     result: Result, joint: Indices, *, ax: Axes | None = None, **line: Any
 ) -> Axes:
     """Draw the stretch of joints (2.2) over time, in mm: Fig. 8a of the paper."""
-    columns = numbered(result, "joint", joint)
-    return over_time(result, "joints.deformation", columns, ax, line, (1e3, "mm"))
+    return over_time(result, "joints.deformation", joint, ax, line, "mm")
 
 
 @draws()
@@ -91,16 +101,13 @@ def travel(result: Result, *, ax: Axes | None = None, **line: Any) -> Axes:
     Raises:
         TypeError, ValueError: An argument breaks its rule; the drive has no arm and no slider.
     """
-    params = result.params
-    moving = [(m, k, *mount._row.shown) for m, k, mount in params._moving]
+    moving = [(m, k, *mount._row.shown) for m, k, mount in result.params._moving]
     if result.mounts is None or not moving:
         raise ValueError("no pulley of this drive is on an arm or a slider")
-    units = sorted({unit for *_, unit in moving})
-    curves = []
+    units, curves = sorted({unit for *_, unit in moving}), []
     for m, k, factor, unit in moving:
-        name = style.plain(result.pulleys.names[k])
-        label = name if len(units) == 1 else f"{name} [{unit}]"
-        curves.append((k, label, result.t, factor * result.mounts.travel[:, m]))
+        name = style.plain(result.pulleys.names[k]) + (f" [{unit}]" if len(units) > 1 else "")
+        curves.append(Curve(k, name, result.t, factor * result.mounts.travel[:, m]))
     return panel(ax, curves, line, y=f"travel from the drawn place [{', '.join(units)}]")
 
 
@@ -117,10 +124,10 @@ def arcs(
         AttributeError: An output that :attr:`beltdyn.Result.arcs` needs was not asked for.
     """
     found = result.arcs
-    columns, wrap = named_pulleys(result, pulleys), np.degrees(found.wrap)
+    asked, wrap = columns(result.params, "pulley", pulleys), np.degrees(found.wrap)
     ax = style.axes(ax)
-    lines(ax, [(k, name, result.t, wrap[:, k]) for k, _, name in columns], line)
-    for (k, *_), drawn in zip(columns, ax.lines[-len(columns) :], strict=True):
+    lines(ax, [Curve(k, name, result.t, wrap[:, k]) for k, _, name in asked], line)
+    for (k, *_), drawn in zip(asked, ax.lines[-len(asked) :], strict=True):
         slip = np.degrees(found.slip[:, k])
         ax.fill_between(result.t, slip, color=drawn.get_color(), alpha=0.25, lw=0.0)
     style.dress(ax, TIME.axis(), "arc [deg]")
@@ -148,22 +155,13 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
         raise ValueError("result must carry the energy ledger: run simulate with ledger=True")
     ax = style.axes(ax)
     base = np.zeros_like(result.t)
-    for k, (name, label) in enumerate(_LOSSES):
-        loss = getattr(ledger, name)
-        if loss is None:
+    for k, (name, label) in enumerate(_LOSSES, 1):
+        if (loss := getattr(ledger, name)) is None:
             continue
-        top = base + loss
-        ax.fill_between(
-            result.t,
-            base,
-            top,
-            facecolor=style.tint(k + 1),
-            edgecolor=style.COLOURS[k + 1],
-            hatch=style.HATCHES[k + 1],
-            linewidth=0.5,
-            label=label,
-        )
-        base = top
+        look: dict[str, Any] = {"facecolor": style.tint(k), "edgecolor": style.COLOURS[k]}
+        look |= {"hatch": style.HATCHES[k], "linewidth": 0.5, "label": label}
+        ax.fill_between(result.t, base, base + loss, **look)
+        base = base + loss
     # E(t) - E(0), where E(0) is that of the start of the run, which may precede the first sample.
     stored = ledger.residual + ledger.drive - ledger.losses
     blue = style.COLOURS[0]
@@ -179,8 +177,7 @@ def energy(result: Result, *, ax: Axes | None = None) -> Axes:
     share = f", {worst / passed:.1g} of {amount} transmitted" if passed > 0 else ""
     ax.set_title(f"residual at most {worst:.1g} J{share}", fontsize="small")
     style.dress(ax, TIME.axis(), QUANTITIES["energy.passed"].axis(short="energy"))
-    style.add_headroom(ax, rows=-(-len(ax.get_legend_handles_labels()[0]) // 2))
-    style.legend(ax, loc="upper left", ncols=2, handlelength=1.6, columnspacing=1.2)
+    style.legend(ax)
     return ax
 
 
@@ -204,7 +201,7 @@ def contact_forces(
     Args:
         which: "normal", "friction" or both.
     """
-    links = numbered(result, "link", link)
+    links, t = columns(result.params, "link", link), result.t
     forces = [which] if isinstance(which, str) else which
     if not isinstance(forces, Sequence):
         raise TypeError(f"which must be a str or a sequence of them, got {which!r}")
@@ -213,7 +210,7 @@ def contact_forces(
     for word in forces:
         choice("which", word, _FORCES)
     curves = [
-        (n * len(forces) + m, f"{force}, {name}", result.t, getattr(result.contact, force)[:, k])
+        Curve(n * len(forces) + m, f"{force}, {name}", t, getattr(result.contact, force)[:, k])
         for n, k, name in links
         for m, force in enumerate(forces)
     ]
@@ -261,20 +258,16 @@ def _in_contact(
     ax: Axes | None,
     given: dict[str, Any],
 ) -> Axes:
-    row, curves = QUANTITIES[quantity], []
-    values: Array = getattr(result.contact, row.field)
-    for n, k, name in numbered(result, "link", link):
-        touches = result.contact.pulley[:, k] >= 0
-        at = result.t if against == "time" else 1e3 * result.contact.slip[:, k]
-        y = np.where(touches, values[:, k], np.nan)
-        if against == "slip":
-            at = np.where(touches, at, np.nan)
-        flows = result.params._flows
-        anew = np.zeros(0, dtype=np.intp) if flows else _begun_anew(result, k)
+    row, contact, curves = QUANTITIES[quantity], result.contact, []
+    for n, k, name in columns(result.params, "link", link):
+        touches = contact.pulley[:, k] >= 0
+        y = np.where(touches, result._history(quantity)[:, k], np.nan)
+        x = np.where(touches, 1e3 * contact.slip[:, k], np.nan) if against == "slip" else result.t
+        anew: Any = [] if result.params._flows else _begun_anew(result, k)
         name += "" if touches.any() else " (no contact)"
-        curves.append((n, name, np.insert(at, anew, np.nan), np.insert(y, anew, np.nan)))
-    x = TIME.axis() if against == "time" else QUANTITIES["contact.slip"].axis("mm")
-    return panel(ax, curves, given, x, row.axis())
+        curves.append(Curve(n, name, np.insert(x, anew, np.nan), np.insert(y, anew, np.nan)))
+    over = TIME.axis() if against == "time" else QUANTITIES["contact.slip"].axis("mm")
+    return panel(ax, curves, given, over, row.axis())
 
 
 def _begun_anew(result: Result, k: int) -> NDArray[np.intp]:
@@ -295,3 +288,102 @@ def _begun_anew(result: Result, k: int) -> NDArray[np.intp]:
     reset &= np.abs(slip[:-1]) > 0.01 * np.max(np.abs(slip), initial=0.0)
     found: NDArray[np.intp] = np.flatnonzero(touches & (reset | (pulley[:-1] != pulley[1:]))) + 1
     return found
+
+
+# --- Along the belt -----------------------------------------------------------------------------
+
+
+@draws()
+def force_along_belt(
+    result: Result,
+    t: float | None = None,
+    *,
+    first: int = 0,
+    wraps: bool = True,
+    ax: Axes | None = None,
+    **line: Any,
+) -> Axes:
+    """Draw the joint forces along the belt at one time: Fig. 9 of the paper.
+
+    The force of a joint is drawn at the left end of its element, half a number before it; that of a
+    cell of an ALE belt, which is one of a place, at its number. With
+    ``wraps=False`` and axes that already hold such forces, several times can be compared.
+
+    Args:
+        first: Number of the first element; the paper's is 1.
+        wraps: Whether to shade the elements on each pulley.
+    """
+    row = sample(result, t)
+    first = integer("first", first, 0)
+    flows, ends = result.params._flows, (first - 0.5, first + result.params.n_bodies - 0.5)
+    label = f"t = {result.t[row]:.4g} s"
+    ax = style.axes(ax)
+    look = {"marker": ".", "markersize": 3, "linewidth": 0.9, "linestyle": "-"}
+    at = np.arange(result.params.n_bodies, dtype=np.float64) + ends[0] + 0.5 * flows
+    black = len(style.COLOURS) - 1
+    lines(ax, [Curve(black, label, at, result.joints.force[row], look)], line)
+    parts = [one for one in runs(result.contact.pulley[row]) if wraps and one[2] >= 0]
+    shades = [(begin + ends[0], end + ends[0], pulley) for begin, end, pulley in parts]
+    word, force = ("cell", "tension") if flows else ("element", "joint force")
+    style.dress(ax, f"{word} along the belt", QUANTITIES["joints.force"].axis(short=force))
+    ax.set_xlim(ends)
+    _shade(ax, result, shades, style.tint)
+    if len(ax.lines) > 1 or "label" in line:
+        ax.set_title("")
+        style.legend(ax)
+    else:
+        ax.set_title(label, fontsize="medium")
+    return ax
+
+
+def _shade(
+    ax: Axes, result: Result, wraps: Iterable[tuple[float, float, int]], tint: Callable[[int], Any]
+) -> None:
+    """Shade wraps, and name the longest of each pulley."""
+    longest: dict[int, tuple[float, float]] = {}
+    for begin, end, pulley in wraps:
+        ax.axvspan(begin, end, color=tint(pulley), lw=0.0, zorder=0.5)
+        longest[pulley] = max((end - begin, begin + end), longest.get(pulley, (0.0, 0.0)))
+    names = [style.plain(result.pulleys.names[pulley]) for pulley in longest]
+    rows_of_names(ax, [0.5 * both for _, both in longest.values()], names)
+
+
+@draws()
+def tension_along(
+    result: Result,
+    t: float | Iterable[float] | None = None,
+    *,
+    ax: Axes | None = None,
+    **line: Any,
+) -> Axes:
+    """Draw the tension along the belt line, in places fixed in space, at some times.
+
+    Places are counted from where the belt leaves pulley 0, in the sense in which its links are
+    numbered; the wraps on the pulleys are shaded and named. A belt that runs in that sense is drawn
+    from left to right. Where the tension changes on a wrap, friction carries torque; it is constant
+    where the belt sticks and has not stretched since it arrived.
+
+    Args:
+        t: Times [s], of each the nearest sample; None: the last.
+        **line: For matplotlib's ``plot``. A ``label`` stands before the times if there are several.
+
+    Raises:
+        AttributeError: ``joints.force`` or ``belt`` was not asked for.
+    """
+    times = list(t) if isinstance(t, Iterable) and not isinstance(t, str) else [t]
+    if not times:
+        raise ValueError("t must hold at least one time, got none")
+    rows = [sample(result, one) for one in times]
+    n_s = _PER_LINK * result.params.n_bodies
+    places = np.linspace(0.0, result.params.route.length, n_s + 1)
+    found = along(result, "joints.force", places, rows)
+    ax = style.axes(ax)
+    wraps = [] if ax.lines else [(*ends, k) for k, ends in enumerate(found.wraps)]
+    names = [f"t = {result.t[row]:.4g} s" for row in rows]
+    lines(ax, [Curve(k, name, found.s, found.values[k]) for k, name in enumerate(names)], line)
+    force = QUANTITIES["joints.force"].axis(short="tension")
+    style.dress(ax, "place along the belt line [m]", force)
+    ax.set_xlim(0.0, found.length)
+    _shade(ax, result, wraps, lambda _: style.METAL)
+    style.legend(ax)
+    return ax

@@ -5,21 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.patheffects import withStroke
 
 from ..base.checks import Array, integer, positive
-from ..base.naming import span_names
 from ..base.rounding import percent
 from ..outputs.quantity import QUANTITIES, SPANS
 from ..outputs.spans import lines_of_cells
 from ..vibration import FrequencyResponse, Modes
 from . import style
 from .animation import Animation
-from .labels import draw_name, place_names
-from .mounting import MountPicture, draw_pulley
-from .panel import choice, draws, pulley_indices
+from .panel import Curve, choice, columns, draws, lines
+from .to_scale import Machine, draw_pulley
 
 #: Largest displacement drawn, against the size of the drive; and largest turning drawn [rad].
 _LARGEST, _TURN = 0.045, 0.6
@@ -36,10 +32,7 @@ class _ModePicture:
         self.rest = self._line(self.nodes, self.centers)
         self.scale = positive("scale", scale, "1") * _LARGEST * float(np.ptp(self.rest, 1).max())
         ax.plot(*self.rest, color="0.72", lw=1.0, label="at rest")
-        for center, radius in zip(self.centers, self.params._radii, strict=True):
-            draw_pulley(ax, center, radius, fc="none", ec="0.8")
-        self.mounts = MountPicture(ax, self.params.pulleys)
-        self.mounts.move(self.centers)
+        self.machine = Machine(ax, self.params.pulleys, self.centers, fc="none", ec="0.8")
 
     def _line(self, points: Array, axes: Array, deflection: Array | None = None) -> Array:
         """Return the closed belt line (2, n) through links, or where cells begin (2, n_b)."""
@@ -76,26 +69,16 @@ class _ModePicture:
 
     def dress(self) -> None:
         """Set limits, the title and what is below the axes; name the pulleys, the last of it."""
-        ax, modes, k, pulleys = self.ax, self.modes, self.k, self.params.pulleys
+        ax, modes, k = self.ax, self.modes, self.k
         style.dress(ax, "x [m]", "y [m]")
         ax.set_aspect("equal", adjustable="datalim")
         ax.margins(0.08)
-        style.set_title_within(
-            ax,
-            f"mode {k}: {modes.frequency[k]:.4g} Hz, damping {percent(modes.damping[k])}\n"
-            f"{style.plain(modes.names[k])}",
-        )
+        said = f"mode {k}: {modes.frequency[k]:.4g} Hz, damping {percent(modes.damping[k])}"
+        ax.set_title(f"{said}\n{style.plain(modes.names[k])}", fontsize="medium", wrap=True)
         handles = ax.get_legend_handles_labels()[0]
-        if len(handles) > 1:
-            style.legend_below(ax, handles)
-        halo = [withStroke(linewidth=2.0, foreground="white", alpha=0.8)]
-        names = [
-            draw_name(ax, style.title(k, pulley), center, path_effects=halo, zorder=6)
-            for k, (pulley, center) in enumerate(zip(pulleys, self.centers, strict=True))
-        ]
-        lines, radii = np.hstack([self.belt(1.0), self.belt(-1.0)]).T, self.params._radii
-        pivots = MountPicture.reach(pulleys)
-        place_names(ax, names, self.centers, radii, lines, marks=1, pivots=pivots)
+        style.legend_below(ax, handles if len(handles) > 1 else ())
+        self.machine.name(path_effects=style.HALO, zorder=6)
+        self.machine.place_names(np.hstack([self.belt(1.0), self.belt(-1.0)]).T, marks=1)
 
 
 def _nodes(modes: Modes) -> Array:
@@ -151,12 +134,12 @@ def animate_mode(
     ax.plot(*picture.belt(-1.0), alpha=0.0)  # so that the limits hold both ends
     picture.dress()
 
-    def show(row: np.int64) -> list[Artist]:
+    def show(row: np.int64) -> None:
         phase = complex(np.exp(2j * np.pi * int(row) / frames))
         belt.set_data(*picture.belt(phase))
         for drawn, mark in zip(marks, picture.marks(phase), strict=True):
             drawn.set_data(*mark)
-        return [belt, *marks, *picture.mounts.move(picture.axes_at(phase))]
+        picture.machine.move(picture.axes_at(phase))
 
     return Animation(figure, show, np.arange(frames, dtype=np.int64), frames / duration)
 
@@ -195,25 +178,17 @@ def frequency_response(
     """
     choice("output", output, tuple(_QUANTITIES))
     params = response.params
-    values = getattr(response, output)
-    chosen = list(range(values.shape[1]))
-    if output == "travel":
-        names = [params.pulley_names[k] for k in params.mounted]
-    else:
-        pulleys = list(params.pulley_names)
-        names = span_names(pulleys) if output == "span_tension" else pulleys
-        chosen = chosen if which is None else pulley_indices(which, params.pulley_names)
+    row, short = _QUANTITIES[output]
+    asked = columns(params, row.dimensions[0], None if output == "travel" else which)
     if axes is None:
         figure = style.new_figure(6.4, 5.0)
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
-    else:
-        upper, lower = (style.axes(ax) for ax in axes)
-    for k in chosen:
-        look = style.line_style(k)
-        upper.plot(response.frequency, abs(values[:, k]), label=style.plain(names[k]), **look)
-        lower.plot(*_unbroken(response.frequency, np.degrees(np.angle(values[:, k]))), **look)
+        axes = figure.subplots(2, 1, sharex=True, height_ratios=[2.0, 1.0])
+    upper, lower = (style.axes(ax) for ax in axes)
+    at, values = response.frequency, getattr(response, output)
+    lines(upper, [Curve(k, name, at, abs(values[:, n])) for k, n, name in asked], {})
+    phases = np.degrees(np.angle(values))
+    lines(lower, [Curve(k, name, *_unbroken(at, phases[:, n])) for k, n, name in asked], {})
     upper.set_yscale("log")
-    row, short = _QUANTITIES[output]
     along = "frequency [Hz]"
     below = upper.get_shared_x_axes().joined(upper, lower)
     style.dress(upper, "" if below else along, f"amplitude of {row.axis(short=short)}")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import wraps
 from inspect import signature
 from itertools import pairwise
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,9 @@ from matplotlib.lines import Line2D
 from ..base.checks import Array, close_to, integer, real
 from ..base.described import share_texts
 from ..base.naming import index_of
+from ..drive.params import Params
 from ..outputs.quantity import QUANTITIES, TIME
+from ..result.labelled import places
 from ..result.result import Result
 from ..vibration import FrequencyResponse, Modes
 from . import style
@@ -53,6 +55,12 @@ _ARGUMENTS = {
     "modes": "From :func:`beltdyn.modes`.",
     "k": "Which of them.",
     "scale": "Factor of the exaggeration.",
+    "output": '"span_tension", or an array such as "pulleys.omega" or "joints.force".',
+    "over": "The pulley whose speed counts, by name or index.",
+    "span": 'For "span_tension": a span by its name, or by name or index of the pulley before it. '
+    "Left out, as the ones below: what fluctuates most.",
+    "pulley": "For outputs of pulleys, by name or index.",
+    "mount": "For outputs of mounts, by the name of the pulley or by index.",
     "dataset": "The result of ``bd.sweep``.",
     "quantity": "Name of a variable of numbers in it.",
     "at": 'The values of all other dimensions, such as ``{"pulley": "alternator"}``.',
@@ -60,8 +68,15 @@ _ARGUMENTS = {
     "line": "For matplotlib's ``plot``. A ``label`` stands before the names of several lines.",
 }
 
-#: The number of its style, its name, x and y.
-Curve = tuple[int, str, Array, Array]
+
+class Curve(NamedTuple):
+    """A line: the number of its style, its name, its points and a look of its own."""
+
+    style: int
+    name: str
+    x: Array
+    y: Array
+    look: Mapping[str, Any] = {}
 
 
 def draws(
@@ -96,36 +111,29 @@ def draws(
     return decorate
 
 
-def lines(ax: Axes, curves: Iterable[Curve], given: dict[str, Any]) -> None:
-    """Draw curves of (style, name, x, y); ``given`` goes to ``plot``.
+def lines(ax: Axes, curves: Sequence[Curve], given: dict[str, Any]) -> None:
+    """Draw curves; ``given`` goes to ``plot``.
 
     A ``label`` replaces the name of a single curve and stands before those of several.
     """
-    chosen = list(curves)
-    for k, name, x, y in chosen:
+    for k, name, x, y, own in curves:
         label = given.get("label", name)
-        if "label" in given and len(chosen) > 1 and label is not None:
+        if "label" in given and len(curves) > 1 and label is not None:
             label = f"{label}, {name}"
-        look = style.line_style(style.unused(ax, k)) | {"linewidth": 1.2}
+        look = style.line_style(style.unused(ax, k)) | {"linewidth": 1.2, **own}
         style.draw_line(ax, x, y, look, given | {"label": label})
 
 
 def panel(
     ax: Axes | None,
-    curves: Iterable[Curve],
+    curves: Sequence[Curve],
     given: dict[str, Any],
     x: str = TIME.axis(),
     y: str = "",
-    more: Iterable[tuple[Curve, dict[str, Any]]] = (),
 ) -> Axes:
-    """Draw curves into axes, or those of a new figure, with the labels ``x`` and ``y``.
-
-    ``more``: curves with a look of their own.
-    """
+    """Draw curves into axes, or those of a new figure, with the labels ``x`` and ``y``."""
     ax = style.axes(ax)
     lines(ax, curves, given)
-    for curve, look in more:
-        lines(ax, [curve], given | look)
     style.dress(ax, x, y)
     style.legend(ax)
     return ax
@@ -134,35 +142,32 @@ def panel(
 def over_time(
     result: Result,
     quantity: str,
-    columns: Sequence[tuple[int, int, str]],
+    which: Pulleys | None,
     ax: Axes | None,
     given: dict[str, Any],
-    scale: tuple[float, str] = (1.0, ""),
-    more: Iterable[tuple[Curve, dict[str, Any]]] = (),
+    unit: str = "",
+    more: Sequence[Curve] = (),
 ) -> Axes:
-    """Draw columns of a quantity over time: of each its style, number and name.
+    """Draw a quantity over time: of the pulleys, spans, joints or links asked for, None: all."""
+    row, values = QUANTITIES[quantity], result._history(quantity)
+    values = values if unit != "mm" else 1e3 * values
+    asked = columns(result.params, row.dimensions[0], which)
+    curves = [Curve(k, name, result.t, values[:, column]) for k, column, name in asked]
+    return panel(ax, [*curves, *more], given, y=row.axis(unit))
 
-    ``scale``: factor and unit in which it is shown.
+
+def columns(params: Params, dimension: str, which: Pulleys | None) -> list[tuple[int, int, str]]:
+    """Return style, index and name of what is asked for along a dimension, None: all of it.
+
+    Pulleys and spans have the same style in every figure; joints and links of ALE belts are cells.
     """
-    row, (factor, unit) = QUANTITIES[quantity], scale
-    held = getattr(result, row.group) if row.group else result
-    values = getattr(held, row.field)
-    values = values if factor == 1.0 else factor * values
-    curves = [(k, name, result.t, values[:, column]) for k, column, name in columns]
-    return panel(ax, curves, given, y=row.axis(unit), more=more)
-
-
-def named_pulleys(result: Result, pulleys: Pulleys | None) -> list[tuple[int, int, str]]:
-    """Return style, index and name of each pulley asked for, the same style in every figure."""
-    names = result.pulleys.names
-    return [(k, k, style.plain(names[k])) for k in pulley_indices(pulleys, names)]
-
-
-def numbered(result: Result, what: str, which: Indices) -> list[tuple[int, int, str]]:
-    """Return style, index and name of each "link" or "joint" asked for; ALE belts have cells."""
-    word = "cell" if result.params._flows else what
-    chosen = indices(what, which, result.params.n_bodies)
-    return [(n, k, f"{word} {k}") for n, k in enumerate(chosen)]
+    found, numbered = places(params)[dimension], dimension in ("joint", "link")
+    word = "cell" if params._flows else dimension
+    names = [f"{word} {k}" if numbered else style.plain(k) for k in found]
+    known = () if numbered else params.pulley_names
+    asked = range(len(names)) if which is None else which
+    chosen = indices(dimension if numbered else "pulleys", asked, len(names), known)
+    return [(n if numbered else k, k, names[k]) for n, k in enumerate(chosen)]
 
 
 # --- What is to be drawn: results, samples, indices and options ----------------------------------
@@ -206,12 +211,6 @@ def indices(name: str, value: object, count: int, names: Sequence[str] = ()) -> 
     if not found:
         raise ValueError(f"{name} must hold at least one index, got none")
     return found
-
-
-def pulley_indices(value: object, names: Sequence[str]) -> list[int]:
-    """Check one pulley or a sequence of them, by name or index; all for None."""
-    every = list(range(len(names)))
-    return every if value is None else indices("pulleys", value, len(names), names)
 
 
 def named_links(links: Indices | Mapping[str, int] | None, count: int) -> dict[str, int]:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
-from matplotlib.font_manager import FontProperties
-from matplotlib.patheffects import withStroke
 
 from ..base.checks import Array, pair, positive, real, real_array, shown
 from ..base.naming import index_of
@@ -19,7 +16,7 @@ from ..result.result import Result
 from ..spectra import Spectrogram, Spectrum, folded, speed_spectra
 from ..spectra import spectrum as spectrum_of
 from . import style
-from .panel import draws, lines
+from .panel import Curve, draws, lines
 
 _RPM = 60.0 / (2.0 * np.pi)
 _LINK, _BELT = style.COLOURS[1], style.COLOURS[2]
@@ -28,8 +25,6 @@ _MARKERS = "osD^vP"
 _PASSINGS, _ORDERS = 3, (1, 2, 4, 6, 8)
 #: Range of the colours of a Campbell diagram, from the largest amplitude down.
 _DECADES = 2.0
-#: Width that axes alone in a figure have before they are laid out, a share of it.
-_ALONE = 0.775
 #: Fewest slices of time of a diagram.
 _SLICES = 3
 
@@ -59,19 +54,13 @@ def spectrum(
     what the sampling folds is named in the legend (:mod:`beltdyn.spectra`). Needs SciPy.
 
     Args:
-        result: A run with samples evenly spaced in time.
-        output: "span_tension", or an array such as "pulleys.omega" or "joints.force".
         last: The part of the run, counted from its end, as a share of it, 0 < last <= 1: steady
             running.
         marks: Whether to mark the belt passing and link passing frequencies and name the lines.
         count: How many of the largest lines to name, none below 2 % of the largest.
         up_to: Highest frequency shown [Hz]; None: just beyond the link passing and all lines named.
-        span: For "span_tension": a span by its name, or by name or index of the pulley before it.
-            Left out, as the ones below: what fluctuates most.
-        pulley: For outputs of pulleys, by name or index.
         joint: For outputs of joints.
         link: For outputs of belt and contact.
-        mount: For outputs of mounts, by the name of the pulley or by index.
 
     Raises:
         ImportError: SciPy is not there.
@@ -84,7 +73,7 @@ def spectrum(
     found = spectrum_of(result, output, last=last, **where)
     named = found.lines(count)
     ax = style.axes(ax)
-    lines(ax, [(0, style.plain(found.label), found.frequency, found.amplitude)], line)
+    lines(ax, [Curve(0, style.plain(found.label), found.frequency, found.amplitude)], line)
     if high is None:
         tops = [1.15 * one.frequency for one in named]
         links = [one for one in found.sources if one.kind == "link"]
@@ -94,28 +83,21 @@ def spectrum(
     ax.set_ylim(0.0, None)
     if marks:
         _mark_passing(ax, found, high)
+        look: dict[str, Any] = {"ms": 6, "mfc": "white", "ls": "", "zorder": 3, "clip_on": False}
         for k, one in enumerate(named):
             if one.frequency <= high:
                 what = style.plain(" or ".join(one.names[:2])) or "no order of belt or pulleys"
-                ax.plot(
-                    one.frequency,
-                    one.amplitude,
-                    marker=_MARKERS[k % len(_MARKERS)],
-                    ms=6,
-                    mfc="white",
-                    mec=_LINK if one.from_mesh else "black",
-                    ls="",
-                    label=f"{one.frequency:.4g} Hz, {one.amplitude:.3g} {found.unit}: {what}",
-                    zorder=3,
-                    clip_on=False,
-                )
+                label = f"{one.frequency:.4g} Hz, {one.amplitude:.3g} {found.unit}: {what}"
+                look |= {"marker": _MARKERS[k % len(_MARKERS)], "label": label}
+                look |= {"mec": _LINK if one.from_mesh else "black"}
+                ax.plot(one.frequency, one.amplitude, **look)
     style.dress(ax, "frequency [Hz]", f"amplitude [{found.unit}]")
-    ax.set_title(_title(found, ax, marks), fontsize="small")
-    style.legend_below(ax, ax.get_legend_handles_labels()[0], columns=2)
+    ax.set_title(style.plain(_title(found, marks)), fontsize="small", wrap=True)
+    style.legend_below(ax)
     return ax
 
 
-def _title(found: Spectrum, ax: Axes, marks: bool) -> str:
+def _title(found: Spectrum, marks: bool) -> str:
     """Describe what the window shows and, where lines are named, why others have no names."""
     said = [
         f"{found.begin:.3g} to {found.end:.3g} s, lines closer than {found.resolution:.2g} Hz merge"
@@ -123,12 +105,7 @@ def _title(found: Spectrum, ax: Axes, marks: bool) -> str:
     if marks:
         notes = [note for note in found.notes()[1:] if "up to x" not in note]
         said += [note.replace(" %", "\N{NO-BREAK SPACE}%") for note in notes]
-    figure = ax.get_figure()
-    wide = 6.4 if figure is None else figure.get_figwidth()  # type: ignore[union-attr]
-    wide *= min(1.0, ax.get_position().width / _ALONE)
-    points = FontProperties(size="small").get_size_in_points()
-    most = max(30, int(72.0 * 0.85 * wide / (0.55 * points)))  # letters are that wide on average
-    return "\n".join(line for one in said for line in textwrap.wrap(style.plain(one), most))
+    return "\n".join(said)
 
 
 def _mark_passing(ax: Axes, found: Spectrum, high: float) -> None:
@@ -178,9 +155,6 @@ def campbell(
     the rate of sampling it is drawn where it appears. Needs SciPy.
 
     Args:
-        result: A run with samples evenly spaced in time, in which the pulley's speed changes.
-        output: As in :func:`spectrum`.
-        over: The pulley whose speed counts, by name or index.
         orders: Of that pulley, whose lines are drawn.
         modes: Natural frequencies to draw over it: pairs of a speed of that pulley [rad/s] and
             frequencies (n,) [Hz] there, joined into lines in their order if there are equally many
@@ -189,7 +163,8 @@ def campbell(
         up_to: Highest frequency shown [Hz]; None: that of the highest of ``orders``.
         limits: Ends of the logarithmic colour scale, in the unit of the output; None: two decades
             down from the largest amplitude shown.
-        span, pulley, joint, link, mount: As in :func:`spectrum`.
+        joint: For outputs of joints.
+        link: For outputs of belt and contact.
 
     Raises:
         ImportError: SciPy is not there.
@@ -235,7 +210,7 @@ def campbell(
     style.dress(ax, f"speed of {style.plain(name)} [rpm]", "frequency [Hz]")
     ax.grid(False)
     ax.set_title(style.plain(found.label), fontsize="medium")
-    style.legend_below(ax, ax.get_legend_handles_labels()[0])
+    style.legend_below(ax)
     style.settle_layout(ax)
     return ax
 
@@ -309,22 +284,14 @@ def _by_speed(found: Spectrogram) -> tuple[Array, Array]:
 
 def _order(ax: Axes, speed: Array, frequency: Array, label: str, high: float) -> None:
     """Draw the line of an order, its number where it leaves the picture: off the title above."""
-    halo = [withStroke(linewidth=2.2, foreground="white", alpha=0.7)]
-    ax.plot(_RPM * speed, frequency, path_effects=halo, zorder=2, **_ORDER)
-    right = frequency[-1] <= high
-    x = _RPM * (speed[-1] if right else speed[-1] * high / frequency[-1])
-    if x >= _RPM * speed[0]:
-        ax.annotate(
-            label,
-            (x, frequency[-1] if right else high),
-            (3, 0) if right else (-6, -2),
-            textcoords="offset points",
-            ha="left" if right else "right",
-            va="center" if right else "top",
-            fontsize="small",
-            path_effects=halo,
-            annotation_clip=False,
-        )
+    ax.plot(_RPM * speed, frequency, path_effects=style.HALO, zorder=2, **_ORDER)
+    end, top = (_RPM * speed[-1], frequency[-1]), (_RPM * speed[-1] * high / frequency[-1], high)
+    look: dict[str, Any] = {"fontsize": "small", "path_effects": style.HALO}
+    look |= {"textcoords": "offset points", "annotation_clip": False}
+    if frequency[-1] <= high:
+        ax.annotate(label, end, (3, 0), ha="left", va="center", **look)
+    elif top[0] >= _RPM * speed[0]:
+        ax.annotate(label, top, (-6, -2), ha="right", va="top", **look)
 
 
 def _passing(ax: Axes, found: Spectrogram, speed: Array, high: float) -> None:

@@ -13,10 +13,13 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cbook import normalize_kwargs
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.lines import Line2D
+from matplotlib.path import Path
+from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.transforms import Bbox, ScaledTranslation
 
 from ..base.checks import Array
@@ -30,8 +33,10 @@ HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx", "----")
 FREE, METAL = "0.72", "0.93"
 #: Most columns of a legend below the axes.
 LEGEND_COLUMNS = 3
-#: Share of the height that a legend above the data takes at most, by size; a larger one is below.
-_HEADROOM = {"small": 0.4, "x-small": 0.55}
+#: Outlines of texts and lines over a picture.
+HALO: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground="white", alpha=0.8)]
+#: Share of the height that a legend above the data takes at most; a larger one is below.
+_HEADROOM = 0.4
 #: Above this number of points finding a place for a legend takes longer than drawing.
 _MANY_POINTS = 100_000
 
@@ -118,21 +123,6 @@ def dress(ax: Axes, xlabel: str, ylabel: str) -> None:
     ax.set_axisbelow(True)
 
 
-def set_title_within(ax: Axes, text: str) -> None:
-    """Set a title over the axes that ends within the figure: broken after semicolons, or small."""
-    settle_layout(ax)
-    for size in ("medium", "small", "x-small"):
-        for words in (text, text.replace("; ", ";\n")):
-            box = ax.set_title(words, fontsize=size).get_window_extent()
-            if box.x0 >= 0.0 and box.x1 <= ax.figure.figure.bbox.x1:
-                return
-
-
-def add_headroom(ax: Axes, rows: int) -> None:
-    """Leave the height of this many rows of small text free above the data."""
-    leave_free(ax, min(_share(ax, rows), 0.6), above=True)
-
-
 def leave_free(ax: Axes, share: float, *, above: bool) -> None:
     """Leave this share of the height free above the data, or below."""
     scale = ax.yaxis.get_transform()
@@ -143,15 +133,9 @@ def leave_free(ax: Axes, share: float, *, above: bool) -> None:
     ax.set_ylim(None if above else end, end if above else None, auto=True)
 
 
-def _share(ax: Axes, rows: int) -> float:
-    """Return the share of the height of the axes that rows of small text take."""
-    return (1.5 * rows + 0.8) * _points("small") / _height(ax)
-
-
 def _height(ax: Axes) -> float:
-    return float(
-        72.0 * ax.figure.figure.get_size_inches()[1] * ax.get_position(original=True).height
-    )
+    inches = ax.figure.figure.get_size_inches()[1]
+    return float(72.0 * inches * ax.get_position(original=True).height)
 
 
 def _points(size: str) -> float:
@@ -163,40 +147,68 @@ def _legend_below() -> float:
     return 11.0 + 2.5 * _points("medium")
 
 
-def legend(ax: Axes, **options: Any) -> None:
-    """Put the legend where it covers no data, or as ``options`` say.
+def legend(ax: Axes, handles: Sequence[Artist] | None = None) -> None:
+    """Put the legend where it covers no data; above it if need be, below the axes if it is large.
 
-    Above the data if need be; one that is large for the axes goes below the label of the x axis.
+    In a figure without a layout engine, which leaves no room below, it is always above.
     """
-    look: dict[str, Any] = {"framealpha": 0.8, "edgecolor": "none", "fontsize": "small"} | options
-    if "loc" in options:
-        ax.legend(**look)
+    handles = ax.get_legend_handles_labels()[0] if handles is None else handles
+    if not handles:
         return
     # The sizes of axes and legend are known only after the layout.
     settle_layout(ax)
-    points = sum(np.size(line.get_xdata()) for line in ax.lines)
-    box = ax.legend(**look, loc="best" if points <= _MANY_POINTS else "upper left").get_tightbbox()
-    if box is None or (points <= _MANY_POINTS and not _covers_data(ax, box)):
+    few = sum(np.size(line.get_xdata()) for line in ax.lines) <= _MANY_POINTS
+    box = _legend(ax, handles, loc="best" if few else "upper left")
+    if few and not _covers(ax, box):
         return
-    handles = look.get("handles", ax.get_legend_handles_labels()[0])
-    width = ax.get_window_extent().width
-    for size, most in _HEADROOM.items():
-        smaller = _points(size) / _points("small")
-        columns = max(1, int(width / (smaller * box.width)))
-        rows = int(np.ceil(smaller * -(-len(handles) // columns)))
-        if _share(ax, rows) <= most or ax.figure.figure.get_layout_engine() is None:
-            add_headroom(ax, rows)
-            look |= {"fontsize": size} if size != "small" else {}
-            ax.legend(**look, loc="upper left", ncols=columns)
+    frame = ax.get_window_extent()
+    columns = max(1, int(frame.width / box.width))
+    box = _legend(ax, handles, loc="upper left", ncols=columns)
+    share = (frame.y1 - box.y0) / frame.height
+    if ax.figure.figure.get_layout_engine() is None or (share <= _HEADROOM and not ax.texts):
+        leave_free(ax, min(share, 0.6), above=True)
+    else:
+        legend_below(ax, handles)
+
+
+def legend_below(ax: Axes, handles: Sequence[Artist] | None = None) -> None:
+    """Put a legend beneath the label of the x axis, in as many columns as the axes are wide for."""
+    handles = ax.get_legend_handles_labels()[0] if handles is None else handles
+    figure = ax.figure.figure
+    down = ScaledTranslation(0.0, -_legend_below() / 72.0, figure.dpi_scale_trans)
+    where: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, 0.0)}
+    where |= {"bbox_transform": ax.transAxes + down, "borderaxespad": 0.0}
+    settle_layout(ax)
+    # Wider than the axes, it would take the room from them in a layout that is computed.
+    room = figure.bbox.width * ax.get_position(original=True).width
+    sizes = [(count, "small") for count in range(min(LEGEND_COLUMNS, len(handles)), 0, -1)]
+    for count, size in [*sizes, (1, "x-small")] if handles else ():
+        spaced: dict[str, Any] = {"handlelength": 1.6, "columnspacing": 1.2, "fontsize": size}
+        if _legend(ax, handles, ncols=count, **where, **spaced).width <= room:
             return
-    legend_below(ax, handles)
 
 
-def _covers_data(ax: Axes, box: Bbox) -> bool:
-    return any(
-        line.get_transform().transform_path(line.get_path()).intersects_bbox(box, filled=False)
-        for line in ax.lines
+def _legend(ax: Axes, handles: Sequence[Artist], **where: Any) -> Bbox:
+    """Draw the legend; return its box."""
+    look: dict[str, Any] = {"framealpha": 0.8, "edgecolor": "none", "fontsize": "small"}
+    return ax.legend(handles=handles, **look | where).get_window_extent()
+
+
+def _covers(ax: Axes, box: Bbox) -> bool:
+    """Whether a legend lies over a line, an area or a text."""
+    areas = [one for one in ax.collections if isinstance(one, PolyCollection)]
+    shapes: list[tuple[Artist, Path, bool]] = [(one, one.get_path(), False) for one in ax.lines]
+    shapes += [(one, path, True) for one in areas for path in one.get_paths()]
+    return any(box.overlaps(text.get_window_extent()) for text in ax.texts) or any(
+        one.get_transform().transform_path(path).intersects_bbox(box, filled=filled)
+        for one, path, filled in shapes
     )
+
+
+def points(drawn: Artist) -> float:
+    """Return how many points a pixel is on the figure of what is drawn."""
+    figure: Any = drawn.figure
+    return float(72.0 / figure.figure.dpi)
 
 
 def settle_layout(ax: Axes) -> None:
@@ -216,29 +228,3 @@ def room_below(ax: Axes, rows: int) -> dict[str, float]:
         return {}
     points = _legend_below() + (1.6 * rows + 1.3) * _points("small")
     return {"pad": min(points / _height(ax), 0.5)}
-
-
-def legend_below(ax: Axes, handles: Sequence[Artist], columns: int = LEGEND_COLUMNS) -> None:
-    """Put a legend beneath the label of the x axis, in as many columns as the axes are wide for."""
-    figure = ax.figure.figure
-    down = ScaledTranslation(0.0, -_legend_below() / 72.0, figure.dpi_scale_trans)
-    settle_layout(ax)
-    # Wider than the axes, it would take the room from them in a layout that is computed.
-    room = figure.bbox.width * ax.get_position(original=True).width
-    sizes = [(count, "small") for count in range(min(columns, len(handles)), 0, -1)]
-    for count, size in [*sizes, (1, "x-small")]:
-        legend(
-            ax,
-            handles=handles,
-            loc="upper center",
-            bbox_to_anchor=(0.5, 0.0),
-            bbox_transform=ax.transAxes + down,
-            ncols=count,
-            fontsize=size,
-            handlelength=1.6,
-            columnspacing=1.2,
-            borderaxespad=0.0,
-        )
-        box = ax.get_legend()
-        if box is None or box.get_window_extent().width <= room:
-            return

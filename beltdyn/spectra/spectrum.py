@@ -163,26 +163,30 @@ class Spectrum:
                     f"{at:.4g} Hz, where nothing happens: {need} samples in the window show it in "
                     "its place"
                 )
-            most = HARMONICS[source.kind]
-            if source.sharp == 0:
-                said.append(
-                    f"the rate of {source.name} changes too much in the window{_by(source)}: no "
-                    "line is named after it"
-                )
-            elif source.sharp < most and source.frequency >= self.resolution:
-                said.append(
-                    f"the rate of {source.name} changes in the window{_by(source)}: lines are "
-                    f"named after it up to x{source.sharp} only"
-                )
+        for sharp in sorted({one.sharp for one in self.sources}):
+            some = [one for one in self.sources if one.sharp == sharp]
+            if sharp:
+                some = [one for one in some if 0 < self.harmonics(one) < HARMONICS[one.kind]]
+            if some:
+                said.append(_smeared(some, sharp))
         few = [one.name for one in self.sources if one.sharp and one.frequency < self.resolution]
         if few:
             said.append(f"the window holds too few turns to name lines after {', '.join(few)}")
         return tuple(said)
 
 
-def _by(source: Source) -> str:
-    """Describe the change of speed of a source, if it is notable."""
-    return f", by {percent(source.spread)}" if source.spread < 1.0 else ""
+def _smeared(some: list[Source], sharp: int) -> str:
+    """Describe how the rates of some sources change, by how much where that is notable."""
+    first, *others = (one.name for one in some)
+    so = f", so do those of {', '.join(others)}" if others else ""
+    spreads = sorted(one.spread for one in some if one.spread < 1.0)
+    ends = dict.fromkeys(percent(spread) for spread in spreads[:1] + spreads[-1:])
+    by = f", by {' to '.join(ends)}" if ends else ""
+    after = f"named after {'them' if others else 'it'}"
+    changes, named = "changes too much", f"no line is {after}"
+    if sharp:
+        changes, named = "changes", f"lines are {after} up to x{sharp} only"
+    return f"the rate of {first} {changes} in the window{by}{so}: {named}"
 
 
 @attrs.frozen(eq=False, kw_only=True)
