@@ -15,8 +15,8 @@ import attrs
 import numpy as np
 import pytest
 from drives import cranked, reduction
-from matplotlib import pyplot as plt
 from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
 from pictures import SIZED, axes_of, check_room, labels
 
 import beltdyn as bd
@@ -314,13 +314,13 @@ def test_all_has_room_on_screen_and_in_print(
 
 
 def test_titles_of_spectra_beside_each_other_keep_apart(coarse: bd.Result) -> None:
-    figure, axes = plt.subplots(1, 2, figsize=(9.0, 4.5), layout="constrained")
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    axes = figure.subplots(1, 2)
     for ax in axes:  # a window that holds too few turns has a long title
         bd.plot.spectrum(coarse, span="crank", last=0.05, ax=ax)
     figure.draw_without_rendering()
     left, right = (ax.title.get_window_extent() for ax in axes)
     assert left.x0 > 0.0 and left.x1 < right.x0 and right.x1 < figure.bbox.width
-    plt.close(figure)
 
 
 def run(speed: Callable[[np.ndarray], np.ndarray], load: Callable[[float], float]) -> bd.Result:

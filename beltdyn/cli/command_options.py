@@ -31,11 +31,13 @@ Option: TypeAlias = Callable[[Callable[..., None]], Callable[..., None]]
 
 def option(name: str, kind: Any, text: str, default: Any = None, required: bool = False) -> Option:
     """Return an option: its name in :class:`Asked`, what it may be (bool: a flag), its text."""
-    more: dict[str, Any] = {"type": kind, "required": required} if kind is not bool else {}
-    if default is not None:
-        more |= {"default": default, "show_default": True}
+    more: dict[str, Any] = {"is_flag": True}
+    if kind is not bool:
+        more = {"type": kind, "required": required}
+    if kind is not bool and not required:
+        more |= {"default": default, "show_default": default is not None}
     flag = f"--{name.replace('_', '-')}"
-    return click.option(flag, help=text, is_flag=kind is bool, **more)
+    return click.option(flag, help=text, **more)
 
 
 def _of_run(name: str) -> Option:

@@ -260,7 +260,7 @@ def slowed(run: Sampled) -> tuple[float, float] | None:
     damped = float(np.ptp(energy.contact_loss) + np.ptp(energy.joint_loss))
     rubbed = max(0.0, float(np.ptp(energy.friction_loss)) - seen.slipped)
     lost = min(seen.landed, damped) + rubbed
-    return lost / moving + catch / swing, min(seen.turned, damped) / moving
+    return (lost + catch) / moving, min(seen.turned, damped) / moving
 
 
 def _of_mesh(run: Sampled) -> dict[str, float]:

@@ -200,11 +200,9 @@ def rows_of_names(ax: Axes, middles: Sequence[float], names: Sequence[str]) -> N
 def _placed(
     before: _Places, at: Sequence[float], widths: Sequence[float], room: float, rows: int
 ) -> _Places | None:
-    """Find a row and a left end for each name after some [points]; None where there is none.
-
-    A name is over its place, names of a row are apart, and none is between a higher one and its
-    place. Names in the middle over their places are best.
-    """
+    """Find a row and a left end for each name after some [points]; None where there is none."""
+    # A name is over its place, names of a row are apart, and none is between a higher one and its
+    # place. Names in the middle over their places are best.
     k = len(before)
     if k == len(at):
         return before
