@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections import Counter
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import attrs
@@ -28,7 +27,21 @@ _HARMONICS, _RUNS_PER_HARMONIC = 10, 8
 #: A range of values below this part of the largest is rounding.
 _ROUNDING = 1e-12
 
-_FEW, _CONSTANT = "few", "constant"
+
+def _index(name: str, text: str) -> Any:
+    """Make a property of one of the indices."""
+
+    def of(found: Sensitivity) -> Any:
+        if name in found._indices:
+            return found._indices[name]
+        what = name.removesuffix("_conf")
+        order = ", second_order=True" if what == "second" else ""
+        raise AttributeError(
+            f"these samples give no {what} indices: make them by "
+            f'bd.sample(ranges, n, method="saltelli"{order})'
+        )
+
+    return property(of, doc=text)
 
 
 @attrs.frozen(eq=False, repr=False, kw_only=True)
@@ -37,75 +50,39 @@ class Sensitivity:
 
     The first index of a parameter is the share of the quantity's variance due to it alone; the
     total index adds its interactions with others. ``print`` shows them in a table. All are
-    ``xarray.DataArray`` over "parameter" and the quantity's own dimensions.
+    ``xarray.DataArray`` over "parameter" and the quantity's own dimensions; total and second
+    indices raise AttributeError where the samples do not allow them.
 
     Attributes:
         quantity: Name of the quantity.
-        first: First indices [1]; NaN where there are none, ``notes`` says why.
-        first_conf: Half width of their confidence interval [1].
         confidence: Confidence level of the intervals, such as 0.95.
-        used: Groups of runs, or runs, that the indices are of, by the quantity's own dimensions.
         method: The estimator.
         notes: What was left out, and what has no index.
     """
 
     quantity: str
-    first: Any
-    first_conf: Any
     confidence: float
-    used: Any
     method: str
     notes: tuple[str, ...]
-    _more: dict[str, Any]
+    _indices: Any  # an xarray.Dataset of those below
 
-    @property
-    def total(self) -> Any:
-        """Total indices [1].
-
-        Raises:
-            AttributeError: The samples do not allow them.
-        """
-        return self._of_groups("total")
-
-    @property
-    def total_conf(self) -> Any:
-        """Half width of their confidence interval [1]; as ``total``."""
-        return self._of_groups("total_conf")
-
-    @property
-    def second(self) -> Any:
-        """Second indices [1] over "parameter" and "other": interactions of two; as ``total``.
-
-        The smaller of the two comes first; NaN elsewhere.
-        """
-        return self._of_groups("second")
-
-    @property
-    def second_conf(self) -> Any:
-        """Half width of their confidence interval [1]; as ``total``."""
-        return self._of_groups("second_conf")
-
-    def _of_groups(self, name: str) -> Any:
-        if name in self._more:
-            return self._more[name]
-        what = name.removesuffix("_conf")
-        order = ", second_order=True" if what == "second" else ""
-        raise AttributeError(
-            f"these samples give no {what} indices: make them by "
-            f'bd.sample(ranges, n, method="saltelli"{order})'
-        )
+    first = _index("first", "First indices [1]; NaN where there are none, ``notes`` says why.")
+    first_conf = _index("first_conf", "Half width of their confidence interval [1].")
+    total = _index("total", "Total indices [1].")
+    total_conf = _index("total_conf", "Half width of their confidence interval [1].")
+    second = _index(
+        "second",
+        'Second indices [1] over "parameter" and "other": interactions of two. The smaller of the '
+        "two comes first; NaN elsewhere.",
+    )
+    second_conf = _index("second_conf", "Half width of their confidence interval [1].")
+    used = _index("used", "Groups of runs, or runs, that the indices are of, by entry.")
 
     def to_dataset(self) -> Any:
         """Return all indices as one ``xarray.Dataset``, which can be written to a file."""
-        xarray = optional_module("xarray", "to_dataset", "sweep")
-        arrays = {"first": self.first, "first_conf": self.first_conf, **self._more}
-        attributes = {
-            "quantity": self.quantity,
-            "method": self.method,
-            "confidence": self.confidence,
-            "notes": "\n".join(self.notes),
-        }
-        return xarray.Dataset({**arrays, "used": self.used}, attrs=attributes)
+        attributes = {"quantity": self.quantity, "method": self.method}
+        notes = "\n".join(self.notes)
+        return self._indices.assign_attrs(attributes, confidence=self.confidence, notes=notes)
 
     def to_frame(self) -> Any:
         """Return a ``pandas.DataFrame``, a row a parameter and entry, a column an index.
@@ -121,9 +98,8 @@ class Sensitivity:
 
     def __str__(self) -> str:
         own = [str(dim) for dim in self.first.dims if dim != "parameter"]
-        indices = {"first": (self.first, self.first_conf)}
-        if "total" in self._more:
-            indices["total"] = (self.total, self.total_conf)
+        names = [name for name in ("first", "total") if name in self._indices]
+        indices = {name: (self._indices[name], self._indices[f"{name}_conf"]) for name in names}
         rows = [[*own, "parameter", *(f"{name} index" for name in indices)]]
         entries = list(np.ndindex(*(self.first.sizes[dim] for dim in own)))
         for entry in entries[:_SHOWN]:
@@ -190,36 +166,32 @@ def sensitivity(
     own = [dim for dim in array.dims if dim != "run"]
     values = _by_run(array.transpose("run", *own), design)
     shape = values.shape[1:]
-    flat = values.reshape(design.groups, design.size, math.prod(shape))
-    inputs = np.stack([_by_run(dataset[name], design) for name in design.names], axis=1)
-    found = [_estimated(design, flat[:, :, k], inputs, options) for k in range(flat.shape[2])]
+    found = _estimated(
+        design,
+        values.reshape(design.groups, design.size, math.prod(shape)),
+        np.stack([_by_run(dataset[name], design) for name in design.names], axis=1),
+        options,
+    )
     _check_enough(dataset, found, design, str(array.name))
-    coords = {dim: array.coords[dim] for dim in own if dim in array.coords}
-    labels = {"parameter": design.names, "other": design.names}
-
-    def joined(name: str) -> Any:
-        stacked = np.stack([one.arrays[name] for one in found], axis=-1)
-        dims = list(labels)[: stacked.ndim - 1]
-        return xarray.DataArray(
+    variables = {
+        name: (
+            [*("parameter", "other")[: stacked.ndim - 1], *own],
             stacked.reshape(*stacked.shape[:-1], *shape),
-            dims=[*dims, *own],
-            coords={dim: labels[dim] for dim in dims} | coords,
-            attrs={"units": "1", "long_name": f"{_WORDS[name]} of {array.name}"},
+            {"units": "1", "long_name": f"{_WORDS[name]} of {array.name}"},
         )
-
-    indices = {name: joined(name) for name in found[0].arrays}
-    used = np.reshape([one.used for one in found], shape)
+        for name, stacked in found.arrays.items()
+    }
+    variables["used"] = own, found.used.reshape(shape), {"long_name": design.unit}
+    coords = {dim: array.coords[dim] for dim in own if dim in array.coords}
+    labels = ("parameter", "other") if design.second_order else ("parameter",)
     return Sensitivity(
         quantity=str(array.name),
-        first=indices.pop("first"),
-        first_conf=indices.pop("first_conf"),
         confidence=options["conf_level"],
-        used=xarray.DataArray(used, dims=own, coords=coords, attrs={"long_name": design.unit}),
         method=f"Saltelli's estimators, {design.groups} groups of {design.size} runs"
         if design.size > 1
         else f"RBD-FAST, {design.groups} runs",
         notes=_notes(dataset, found, design),
-        more=indices,
+        indices=xarray.Dataset(variables, dict.fromkeys(labels, design.names) | coords),
     )
 
 
@@ -230,7 +202,7 @@ _WORDS = {one: f"{one} Sobol' index" for one in _ORDERS} | {
 }
 
 
-# --- the estimators, for one entry of the quantity ---------------------------------------------
+# --- the estimators -----------------------------------------------------------------------------
 
 
 class _Design(NamedTuple):
@@ -252,42 +224,45 @@ class _Design(NamedTuple):
         return "groups" if self.size > 1 else "runs"
 
 
-@attrs.frozen(eq=False)
-class _Indices:
-    """Of one quantity."""
+class _Indices(NamedTuple):
+    """Of all entries of the quantity, along the last axis."""
 
-    arrays: dict[str, Array]  # "first", "first_conf", ...: (k,); "second", "second_conf": (k, k)
-    used: int  # groups, or runs, with a value throughout
-    reason: str  # why there are none: _FEW of these, _CONSTANT values, or ""
+    arrays: dict[
+        str, Array
+    ]  # "first", "first_conf", ...: (k, n); "second", "second_conf": (k, k, n)
+    used: Any  # groups, or runs, with a value throughout (n,)
+    constant: Any  # whether their values differ by rounding alone (n,)
 
 
 def _estimated(design: _Design, values: Array, inputs: Array, options: dict[str, Any]) -> _Indices:
-    """Return the indices of values (groups, size) for parameters (groups, k) of single runs."""
+    """Return the indices of values (groups, size, n) for parameters (runs, k)."""
     of_groups, k = design.size > 1, len(design.names)
     name = "sobol" if of_groups else "rbd_fast"
     estimator = optional_module(f"SALib.analyze.{name}", "sensitivity", "sensitivity")
-    keys = {"first": "S1"} | ({"total": "ST"} if of_groups else {})
-    keys |= {"second": "S2"} if design.second_order else {}
-    keys |= {f"{name}_conf": f"{key}_conf" for name, key in keys.items()}
-    good = np.isfinite(values).all(axis=1)
-    kept = values[good]
-    # The variance is that of the first and the last of each group, the two independent runs.
-    independent = kept[:, [0, -1]]
-    reason = ""
-    if len(kept) < design.least:
-        reason = _FEW
-    elif np.ptp(independent) <= _ROUNDING * np.abs(independent).max():
-        reason = _CONSTANT
-    if reason:
-        nothing = {name: np.full((k, k) if "second" in name else k, np.nan) for name in keys}
-        return _Indices(nothing, len(kept), reason)
     problem = {"num_vars": k, "names": design.names, "bounds": [[0.0, 1.0]] * k}
-    if of_groups:
-        order = {"calc_second_order": design.second_order}
-        found = estimator.analyze(problem, kept.ravel(), **order, **options)
-    else:
-        found = estimator.analyze(problem, inputs[good], kept[:, 0], M=_HARMONICS, **options)
-    return _Indices({name: np.asarray(found[key]) for name, key in keys.items()}, len(kept), "")
+    orders = {"first": "S1"} | ({"total": "ST"} if of_groups else {})
+    orders |= {"second": "S2"} if design.second_order else {}
+    keys = {f"{one}{of}": f"{key}{of}" for one, key in orders.items() for of in ("", "_conf")}
+    n = values.shape[2]
+    arrays = {one: np.full((*[k] * (1 + one.startswith("second")), n), np.nan) for one in keys}
+    good: Any = np.isfinite(values).all(axis=1)
+    used, constant = good.sum(axis=0), np.zeros(n, dtype=bool)
+    for entry in np.flatnonzero(used >= design.least):
+        kept = values[good[:, entry], :, entry]
+        # The variance is that of the first and the last of each group, the two independent runs.
+        independent = kept[:, [0, -1]]
+        constant[entry] = np.ptp(independent) <= _ROUNDING * np.abs(independent).max()
+        if constant[entry]:
+            continue
+        if of_groups:
+            order = {"calc_second_order": design.second_order}
+            found = estimator.analyze(problem, kept.ravel(), **order, **options)
+        else:
+            own = inputs[good[:, entry]]
+            found = estimator.analyze(problem, own, kept[:, 0], M=_HARMONICS, **options)
+        for one, key in keys.items():
+            arrays[one][..., entry] = found[key]
+    return _Indices(arrays, used, constant)
 
 
 # --- what is analysed ----------------------------------------------------------------------------
@@ -341,9 +316,9 @@ def _by_run(array: Any, design: _Design) -> Array:
     return np.asarray(array.reindex(run=np.arange(design.groups * design.size)), dtype=np.float64)
 
 
-def _check_enough(dataset: Any, found: Sequence[_Indices], design: _Design, name: str) -> None:
+def _check_enough(dataset: Any, found: _Indices, design: _Design, name: str) -> None:
     """Raise ValueError unless one entry of the quantity has runs enough."""
-    most = max((one.used for one in found), default=0)
+    most = max(found.used, default=0)
     if most < design.least:
         raise ValueError(
             f"{name} has a number in {most} of {design.groups} {design.unit}, at least "
@@ -361,25 +336,20 @@ def _failures(dataset: Any) -> str:
     return f" (runs: {', '.join(words)})" if words else ""
 
 
-def _notes(dataset: Any, found: Sequence[_Indices], design: _Design) -> tuple[str, ...]:
+def _notes(dataset: Any, found: _Indices, design: _Design) -> tuple[str, ...]:
     notes = []
-    used = [one.used for one in found]
-    left = [design.groups - count for count in (max(used), min(used))]
-    if left[1]:
-        many = f"{'' if left[0] == left[1] else 'up to '}{left[1]}"
+    least, most = (design.groups - count for count in (found.used.max(), found.used.min()))
+    if most:
         notes.append(
-            f"left out for want of a number: {many} of {design.groups} {design.unit}"
-            f"{_failures(dataset)}; the indices are those of the rest"
+            f"left out for want of a number: {'' if least == most else 'up to '}{most} of "
+            f"{design.groups} {design.unit}{_failures(dataset)}; the indices are those of the rest"
         )
-    constant = sum(one.reason == _CONSTANT for one in found)
-    few = sum(one.reason not in ("", _CONSTANT) for one in found)
-    entries = "" if len(found) == 1 else " of {} of " + f"{len(found)} entries"
-    if constant:
-        notes.append(f"no indices{entries.format(constant)}: the quantity is constant")
-    if few:
-        notes.append(
-            f"no indices{entries.format(few)}: less than {design.least} {design.unit} with a number"
-        )
+    few = f"less than {design.least} {design.unit} with a number"
+    none = {"the quantity is constant": found.constant, few: found.used < design.least}
+    for why, entries in none.items():
+        if entries.any():
+            of = "" if entries.size == 1 else f" of {entries.sum()} of {entries.size} entries"
+            notes.append(f"no indices{of}: {why}")
     return tuple(notes)
 
 
