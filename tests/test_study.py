@@ -34,8 +34,7 @@ from beltdyn.outputs.accuracy_report import SPACE_FLOOR, WORDS
 from beltdyn.verification import budget
 from beltdyn.verification.forecast import LADDER, Pilot
 from beltdyn.verification.quantities import Observed, differences, observe
-from beltdyn.verification.runs import Done, Reached
-from beltdyn.verification.settings import Setting, fewest
+from beltdyn.verification.runs import Done, Reached, Setting, fewest
 
 T = np.linspace(0.0, 1.0, 401)
 SCENE = bd.scenes.kubas_case_1()

@@ -85,7 +85,7 @@ def test_a_sweep_from_a_file(folder: Path, tmp_path: Path) -> None:
     # values of every kind
     def read(*lines: str) -> Any:
         (tmp_path / "s.toml").write_text("\n".join(['scene = "kubas-case-1"', *lines]))
-        return sweep_file.read(tmp_path / "s.toml").over
+        return sweep_file.read(tmp_path / "s.toml")["over"]
 
     over = read(
         "[over]",
@@ -118,11 +118,11 @@ def test_a_sweep_from_a_file(folder: Path, tmp_path: Path) -> None:
 def test_the_file_of_the_notebooks() -> None:
     """The one that notebook 14 shows; runs are cut short, before there are margins to look for."""
     found = sweep_file.read(Path(__file__).resolve().parents[1] / "notebooks" / "sweep.toml")
-    assert found.scene == bd.scenes.serpentine()
-    as_measure(found.measure, found.scene.params, found.arguments["last"])
-    over, measure = {**found.over, "t_end": [0.002]}, "report.pulleys.hub_load"
-    table = bd.sweep(found.scene, over, measure, **{**found.arguments, "progress": False})
-    assert measure in found.measure
+    assert found["scene"] == bd.scenes.serpentine()
+    as_measure(found["measure"], found["scene"].params, found["last"])
+    over, measure = {**found["over"], "t_end": [0.002]}, "report.pulleys.hub_load"
+    assert measure in found["measure"]
+    table = bd.sweep(**{**found, "over": over, "measure": measure, "progress": False})
     assert table["status"].values.ravel().tolist() == 6 * ["finished"], table["message"].values
     # a tighter spring: more load on its pulley
     held = table[measure].squeeze().sel(pulley="tensioner")

@@ -24,10 +24,11 @@ from sweep_runs import MEASURE, TIMES, do, plain, same, under_function
 import beltdyn as bd
 from beltdyn.base import sqlite
 from beltdyn.many import content, store
+from beltdyn.many.collect import of_kept, to_kept
 from beltdyn.many.outcome import Outcome
 from beltdyn.many.store import Kept, Store
 from beltdyn.sweeping import SweepInterrupted
-from beltdyn.sweeping.outcomes import Axis, Layout, Measured, Quantity, of_kept, to_kept
+from beltdyn.sweeping.outcomes import Axis, Layout, Quantity, as_layout
 
 N = 60
 
@@ -316,7 +317,8 @@ def test_a_changed_bit_is_found(tmp_path: Path) -> None:
         f"key {k}": Outcome(
             status="finished",
             message="as it ended",
-            value=Measured(layout, np.array([0.1, k + 0.2])),
+            value=(np.array([0.1, k + 0.2]), ["two", "words"]),
+            layout=layout,
             final=np.arange(3.0) + 0.3,
         )
         for k in range(3)
@@ -324,6 +326,7 @@ def test_a_changed_bit_is_found(tmp_path: Path) -> None:
     kept = {key: to_kept(outcome) for key, outcome in outcomes.items()}
     for key, outcome in outcomes.items():
         again = attrs.asdict(of_kept(kept[key]), recurse=False)
+        again["layout"] = as_layout(again["layout"])
         np.testing.assert_equal(again, attrs.asdict(outcome, recurse=False))
     one = Store(tmp_path)
     for key, each in kept.items():

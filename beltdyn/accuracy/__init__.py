@@ -12,8 +12,7 @@ from ..base.described import describe_all
 from ..outputs.accuracy_report import Accuracy, Expected, QuantityError
 from ..verification.quantities import QUANTITIES, Observed, differences, observe, with_links
 from .studies import quick, study
-from .study_rows import Row
-from .study_table import Study
+from .study_table import Row, Study
 from .suggestion import Suggestion, suggest
 
 __all__ = [

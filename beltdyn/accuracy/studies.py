@@ -24,11 +24,15 @@ from ..result.errors import SimulationError
 from ..run.settling import settle
 from ..run.simulation import simulate
 from ..verification.quantities import QUANTITIES, Observed, differences, with_links
-from ..verification.runs import Runs, evaluated_in_core, whole_scene
-from ..verification.settings import METHODS, RTOLS, Setting, fewest, meshes
-from .study_rows import Row
-from .study_table import Study
+from ..verification.runs import Runs, Setting, evaluated_in_core, fewest, whole_scene
+from .study_table import Row, Study
 
+#: Methods that control their error and are worth a choice ("lie" and "rk4" are for comparison).
+METHODS = tuple(name for name in _core.METHODS if name in ("auto", "tsit5", "rodas4", "lbdf2"))
+#: Tolerances, from loose to tight; values above 0.1 loosen nothing further.
+RTOLS = (1e-1, 3e-2, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+#: Numbers of links, as multiples of those of the scene.
+_SHARES = (0.25, 0.5, 1.0, 2.0, 4.0)
 #: References in time, of unrelated families, explicit one-step, implicit one-step and multistep:
 #: tolerances over the tightest compared, and the tightest. Of those that are affordable on a mesh
 #: the first two count.
@@ -107,7 +111,9 @@ def study(
     scene = whole_scene(scene)
     if workers is None and not evaluated_in_core(scene):
         workers = 1
-    given = meshes(scene.params) if n_bodies is None else n_bodies
+    n_b, least = scene.params.n_bodies, fewest(scene.params)
+    usual = [n for n in (round(share * n_b) for share in _SHARES) if n >= least]
+    given = usual if n_bodies is None else n_bodies
     ladder = sorted({integer("n_bodies", n, 3) for n in given})
     tolerances = sorted({positive("rtols", rtol) for rtol in rtols}, reverse=True)
     for name, values in (("n_bodies", ladder), ("rtols", tolerances)):
@@ -160,7 +166,7 @@ def study(
     }
     wanted = {one: ["reference", attrs.astuple(one)] for pair in pairs.values() for one in pair}
     referred = collected("references", refer, wanted)
-    seen = {one: _observed(outcome.value) for one, outcome in referred.items()}
+    seen = {one: Observed(**outcome.value) for one, outcome in referred.items()}
     first, second = ({n: seen[pair[k]] for n, pair in pairs.items()} for k in (0, 1))
     settings = {n: [Setting(n, m, r) for m in names for r in tolerances] for n in ladder}
     wanted = {
@@ -269,9 +275,3 @@ def _compared(
         "error": differences(done.seen, fine),
         "time": {name: max(one[name] for one in apart) for name in QUANTITIES},
     }
-
-
-def _observed(values: Mapping[str, Any]) -> Observed:
-    """Return what :func:`attrs.asdict` took apart, arrays as lists from a store."""
-    arrays = {name: np.array(one, float) for name, one in values.items() if name != "scales"}
-    return Observed(**arrays, scales=values["scales"])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any, TypeAlias
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -17,26 +17,11 @@ from matplotlib.ticker import (
     ScalarFormatter,
 )
 
-from ..base.checks import positive
 from ..plot import style
-from .study_rows import Errors, Row, quantity_of
 
-
-class _Priced(Protocol):
-    """The part of ``bd.accuracy.Study`` that is drawn; it imports this module to draw itself."""
-
-    @property
-    def space(self) -> Mapping[int, Errors]: ...
-    @property
-    def space_floor(self) -> Errors: ...
-    @property
-    def nodes(self) -> str: ...
-    def done(self) -> Iterator[Row]: ...
-    def believed(self, row: Row, quantity: str) -> float: ...
-    def cheapest(self, error: float, quantity: str = ...) -> Row | None: ...
-    def front(self, quantity: str = ..., method: str | None = ...) -> list[Row]: ...
-
-
+#: ``bd.accuracy.Study``, which imports this module to draw itself, and its rows.
+Study: TypeAlias = Any
+Row: TypeAlias = Any
 _COST = "CPU time of the run [s]"
 _MARKERS = "osD^v<>p"
 #: Look of numbers above points.
@@ -44,9 +29,8 @@ _ABOVE: dict[str, Any] = {"xytext": (4, 8), "textcoords": "offset points", "ha":
 _ABOVE |= {"fontsize": "small", "color": "0.3"}
 
 
-def price(study: _Priced, quantity: str = "tension", *, error: float = 1e-2) -> Figure:
+def price(study: Study, quantity: str, error: float) -> Figure:
     """Draw a study: cost of errors and of meshes, and errors in space and time compared."""
-    quantity, error = quantity_of(quantity), positive("error", error)
     figure = style.new_figure(11.0, 9.0, dpi=120)
     (top_left, top_right), (bottom_left, bottom_right) = figure.subplots(2, 2)
     _cost_of_errors(top_left, study, quantity)
@@ -56,7 +40,7 @@ def price(study: _Priced, quantity: str = "tension", *, error: float = 1e-2) -> 
     return figure
 
 
-def _cost_of_errors(ax: Axes, study: _Priced, quantity: str) -> None:
+def _cost_of_errors(ax: Axes, study: Study, quantity: str) -> None:
     """Draw CPU time against error, of each method the cheapest runs on any mesh."""
     for k, method in enumerate(_methods(study)):
         front = study.front(quantity, method)
@@ -71,7 +55,7 @@ def _cost_of_errors(ax: Axes, study: _Priced, quantity: str) -> None:
     style.legend(ax)
 
 
-def _cost_of_meshes(ax: Axes, study: _Priced) -> None:
+def _cost_of_meshes(ax: Axes, study: Study) -> None:
     """Draw CPU time against the number of links, by method at a loose and a tight tolerance."""
     for k, method in enumerate(_methods(study)):
         rows = [row for row in study.done() if row.setting.method == method]
@@ -84,7 +68,7 @@ def _cost_of_meshes(ax: Axes, study: _Priced) -> None:
     style.legend_below(ax, ax.get_lines())
 
 
-def _errors_of_meshes(ax: Axes, study: _Priced, quantity: str, error: float) -> None:
+def _errors_of_meshes(ax: Axes, study: Study, quantity: str, error: float) -> None:
     """Draw the errors in space, and in time of the cheapest runs, against the number of links."""
     bold = _look(0) | {"linewidth": 2.2, "color": "black", "linestyle": "-"}
     errors = [found[quantity] for found in study.space.values()]
@@ -104,7 +88,7 @@ def _errors_of_meshes(ax: Axes, study: _Priced, quantity: str, error: float) -> 
     style.legend_below(ax, marked)
 
 
-def _cheapest_runs(ax: Axes, study: _Priced, quantity: str, error: float) -> None:
+def _cheapest_runs(ax: Axes, study: Study, quantity: str, error: float) -> None:
     """Draw the errors of the cheapest run of each number of links against CPU time."""
     front = study.front(quantity)
     cost = _costs(front)
@@ -137,7 +121,7 @@ def _number(ax: Axes, rows: Sequence[Row], heights: Sequence[float]) -> None:
 
 
 def _mark(
-    ax: Axes, study: _Priced, quantity: str, error: float, best: Row | None, place: float
+    ax: Axes, study: Study, quantity: str, error: float, best: Row | None, place: float
 ) -> None:
     """Draw a line at the error asked for, and a star at the cheapest run that reaches it."""
     ax.axhline(error, color="0.5", linewidth=0.8, linestyle=":", marker="")
@@ -160,7 +144,7 @@ def _meshes(rows: Sequence[Row]) -> list[int]:
     return [row.setting.n_bodies for row in rows]
 
 
-def _links(ax: Axes, study: _Priced, title: str) -> None:
+def _links(ax: Axes, study: Study, title: str) -> None:
     ax.set(xscale="log", yscale="log", title=title)
     ax.xaxis.set_major_locator(FixedLocator(list(study.space)))
     ax.xaxis.set_major_formatter(ScalarFormatter())
@@ -175,7 +159,7 @@ def _power(rtol: float) -> str:
     return f"{rtol:g}"
 
 
-def _methods(study: _Priced) -> list[str]:
+def _methods(study: Study) -> list[str]:
     return list(dict.fromkeys(row.setting.method for row in study.done()))
 
 

@@ -13,16 +13,45 @@ from typing import TYPE_CHECKING
 import attrs
 
 from ..base import files
-from ..base.checks import positive
+from ..base.checks import one_of, positive
 from ..base.tables import columns
 from ..verification.quantities import QUANTITIES
-from .study_rows import Errors, Row, quantity_of
+from ..verification.runs import Setting
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Errors for which the printed study names the cheapest setting.
 _TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)
+Errors = Mapping[str, float]
+
+
+def quantity_of(name: object) -> str:
+    """Check the name of a quantity."""
+    return one_of("quantity", name, QUANTITIES)
+
+
+@attrs.frozen(kw_only=True)
+class Row:
+    """A setting, its cost and its errors, by quantity and relative [1].
+
+    Attributes:
+        setting: Number of links, method, tolerance.
+        seconds: CPU time, without settling, the least of ``repeats`` [s]; NaN if the run failed.
+        repeats: Number of runs.
+        steps: Steps, rejected ones included.
+        error: Difference to the reference on the finest mesh: the total error.
+        time: Difference to the reference on the same mesh: the error in time.
+        failure: Why the run failed, or "".
+    """
+
+    setting: Setting
+    seconds: float
+    repeats: int
+    steps: int
+    error: Errors
+    time: Errors
+    failure: str = ""
 
 
 @attrs.frozen(kw_only=True, eq=False, repr=False)
@@ -190,4 +219,4 @@ class Study:
         """
         from .study_figures import price
 
-        return price(self, quantity, error=error)
+        return price(self, quantity_of(quantity), positive("error", error))

@@ -20,9 +20,8 @@ from ..run.settling import settle
 from ..run.simulation import simulate
 from ..verification.forecast import Forecast, Pilot
 from ..verification.quantities import with_links
-from ..verification.runs import Runs, whole_scene
-from ..verification.settings import Setting
-from .study_rows import quantity_of
+from ..verification.runs import Runs, Setting, whole_scene
+from .study_table import quantity_of
 
 #: CPU time of a run of links [s] from which on an ALE belt is tried.
 MIN_CPU_TIME = 0.5

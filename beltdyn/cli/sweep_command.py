@@ -69,13 +69,10 @@ def sweep_scene(asked: Asked) -> None:
         try:
             with interruptible(), silenced():
                 swept = run_sweep(
-                    given.scene,
-                    given.over,
-                    given.measure,
+                    **given,
                     executor=_executor(asked.workers, asked.scheduler),
                     store=folder,
                     progress=not asked.quiet,
-                    **given.arguments,
                 )
         except SweepInterrupted as error:
             write(error.dataset)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -12,6 +13,7 @@ from typing import Any
 import attrs
 import numpy as np
 
+from ..base.checks import Array
 from ..base.progress import counted
 from ..base.stopping import without_ctrl_c
 from .dispatch import Dispatch, Run
@@ -22,15 +24,35 @@ from .store import Kept, Store
 Pools = Callable[[], AbstractContextManager[Pool]]
 
 
-def _to_kept(outcome: Outcome) -> Kept:
-    """Keep an outcome whose value is one that JSON holds, with lists in the place of arrays."""
-    parts = [outcome.status, outcome.message, outcome.value, outcome.final.tolist()]
-    return Kept(json.dumps(parts, default=np.ndarray.tolist))
+#: What is kept of an outcome, besides the layout of its value.
+_KEPT = ("status", "message", "warnings", "kernels", "value", "final")
 
 
-def _of_kept(kept: Kept) -> Outcome:
-    status, message, value, final = json.loads(kept.text)
-    return Outcome(status=status, message=message, value=value, final=np.array(final))
+def to_kept(outcome: Outcome) -> Kept:
+    """Return an outcome as a store keeps it; its value is one that JSON holds, or has arrays."""
+    arrays: list[Array] = []
+
+    def put(array: Array) -> dict[str, Any]:
+        arrays.append(array)
+        return {"shape": array.shape}
+
+    text = json.dumps([getattr(outcome, name) for name in _KEPT], default=put)
+    return Kept(text, b"".join(map(np.ndarray.tobytes, arrays)), json.dumps(outcome.layout))
+
+
+def of_kept(kept: Kept) -> Outcome:
+    """Return the outcome that a store has kept."""
+    numbers, at = np.frombuffer(kept.data), 0
+
+    def take(found: dict[str, Any]) -> Any:
+        nonlocal at
+        if found.keys() != {"shape"}:
+            return found
+        begin, at = at, at + math.prod(found["shape"])
+        return numbers[begin:at].reshape(found["shape"])
+
+    parts = json.loads(kept.text, object_hook=take)
+    return Outcome(layout=json.loads(kept.common), **dict(zip(_KEPT, parts, strict=True)))
 
 
 @attrs.frozen
@@ -52,8 +74,6 @@ def collect(
     order: Callable[[list[int]], list[int]] = lambda runs: runs,  # of those that are to do
     store: str | os.PathLike[str] | None = None,
     keys: Sequence[str] = (),  # with a store: a run with the same key is the same run
-    to_kept: Callable[[Outcome], Kept] = _to_kept,
-    of_kept: Callable[[Kept], Outcome] = _of_kept,
     progress: bool = False,
     label: str = "runs",
 ) -> Cost:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import attrs
@@ -31,6 +31,7 @@ class Outcome:
     message: str = ""  # why it did not finish, in one line
     warnings: str = ""  # of the run, one in a line
     value: Any = None  # what the run gave; None unless it finished
+    layout: Sequence[Any] = ()  # of the value, of plain texts and numbers: many runs have the same
     error: Exception | None = None  # in which it ended, where it is at hand
     kernels: str = ""  # level of the kernels that computed it
     #: Whether it would end so on any machine. What a torque function or a measure raises may be

@@ -11,11 +11,11 @@ import numpy as np
 from ..base.checks import Array
 from ..base.optional import optional_module
 from ..many.outcome import STATUSES, Outcome
-from .outcomes import Axis, Layout, Quantity, in_text
+from .outcomes import Axis, Layout, Quantity, as_layout, in_text
 from .points import RUN, Points
 
 #: A run, its numbers and its texts; its layout is kept once for many.
-_Row = tuple[int, Array, tuple[str, ...]]
+_Row = tuple[int, Array, list[str]]
 
 
 class Table:
@@ -40,8 +40,7 @@ class Table:
         if outcome.kernels:
             self._kernels.add(outcome.kernels)
         if outcome.status == "finished":
-            layout, *row = outcome.value
-            self._rows.setdefault(layout, []).append((run, *row))
+            self._rows.setdefault(as_layout(outcome.layout), []).append((run, *outcome.value))
 
     def dataset(self, attributes: dict[str, str]) -> Any:
         """Return the table; it does not depend on the order in which runs were done."""
@@ -108,7 +107,7 @@ def _column(values: Sequence[Any]) -> Any:
 
 def _apart(layout: Layout, numbers: Array, words: Sequence[Any]) -> Iterator[tuple[Quantity, Any]]:
     """Take rows apart: yield each quantity and its values (n, ...)."""
-    texts = np.array([list(row) for row in words], dtype=object)
+    texts = np.array(words, dtype=object)
     at = {False: 0, True: 0}
     for one in layout:
         begin, at[one.words] = at[one.words], at[one.words] + one.size

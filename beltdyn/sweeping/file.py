@@ -28,7 +28,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import attrs
 import numpy as np
 
 from .. import scenes
@@ -42,6 +41,7 @@ from ..loads.torques import Torque, TorqueSum
 from .sampling import sample
 
 _FIELDS = ("scene", "measure", "last", "combine", "warm", "over", "sample", "options", "key")
+_PASSED_ON = ("last", "combine", "warm", "key")
 #: Distributions by name, and their classes in scipy.stats with what their two numbers are.
 _DISTRIBUTIONS = {
     "uniform": "low and high",
@@ -50,24 +50,14 @@ _DISTRIBUTIONS = {
 }
 
 
-@attrs.frozen(kw_only=True)
-class SweepFile:
-    """A sweep from a file: arguments of :func:`beltdyn.sweep`."""
-
-    scene: Scene
-    over: Any
-    measure: Any
-    arguments: dict[str, Any]  # the others
-
-
-def read(path: str | os.PathLike[str]) -> SweepFile:
-    """Read a sweep."""
+def read(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the arguments of :func:`beltdyn.sweep` from a file."""
     folder = Path(path).parent
-    found: SweepFile = toml.read(path, lambda document: _built(document, folder))
+    found: dict[str, Any] = toml.read(path, lambda document: _built(document, folder))
     return found
 
 
-def _built(document: dict[str, Any], folder: Path) -> SweepFile:
+def _built(document: dict[str, Any], folder: Path) -> dict[str, Any]:
     if "scene" not in document and "belt" in document:
         raise ValueError('this is a scene: name it in the file of a sweep, scene = "drive.toml"')
     _fields("", document, _FIELDS, 1)
@@ -83,13 +73,11 @@ def _built(document: dict[str, Any], folder: Path) -> SweepFile:
     if measure is not None and not isinstance(measure, (str, list, dict)):
         raise ValueError(f"measure: must be names or a table of names, got {shown(measure)}")
     options = toml.table("options", document.get("options", {}))
-    arguments: dict[str, Any] = {
-        name: document[name] for name in ("last", "combine", "warm", "key") if name in document
-    }
     clash = set(options) & (set(_FIELDS) | {"executor", "store", "progress"})
     if clash:
         raise ValueError(f"options.{min(clash)}: is no option of simulate")
-    return SweepFile(scene=scene, over=over, measure=measure, arguments={**options, **arguments})
+    others = {name: document[name] for name in _PASSED_ON if name in document}
+    return {"scene": scene, "over": over, "measure": measure, **others, **options}
 
 
 def _fields(path: str, value: object, known: Sequence[str], needed: int) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from ..report import flat, make_report
 from ..report.window import Window
 from ..result.labelled import places, unit_in
 from ..result.result import Result
-from .outcomes import Axis, Measured, Quantity, packed
+from .outcomes import Axis, Layout, Quantity, packed
 
 #: What is measured if nothing is asked for.
 DEFAULT = (
@@ -77,7 +77,7 @@ class Measure:
         """Whether measuring takes Python long enough to keep other threads waiting."""
         return any(_is_of_report(name) for _, name in self.named)
 
-    def of(self, result: Result) -> Measured:
+    def of(self, result: Result) -> tuple[Layout, Array, list[str]]:
         """Measure a run; raise what the user's function does, ValueError where this cannot be."""
         found: list[Found] = []
         report = _Report(result, self) if self.in_python else None

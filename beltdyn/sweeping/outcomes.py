@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Sequence
@@ -12,8 +11,6 @@ import attrs
 import numpy as np
 
 from ..base.checks import Array
-from ..many.outcome import Outcome
-from ..many.store import Kept
 
 
 class Axis(NamedTuple):
@@ -55,40 +52,12 @@ class Quantity(NamedTuple):
 Layout = tuple[Quantity, ...]
 
 
-class Measured(NamedTuple):
-    """What is measured in a run."""
-
-    layout: Layout = ()  # of the numbers and texts
-    numbers: Array = np.zeros(0)
-    words: tuple[str, ...] = ()
-
-
-def to_kept(outcome: Outcome) -> Kept:
-    """Return an outcome as a store keeps it."""
-    row = outcome.value or Measured()
-    return Kept(
-        text=json.dumps([*(getattr(outcome, name) for name in _TEXTS), *row.words]),
-        data=row.numbers.tobytes() + outcome.final.tobytes(),
-        common=json.dumps(row.layout),
-    )
-
-
-def of_kept(kept: Kept) -> Outcome:
-    """Return what a store has kept."""
-    layout = tuple(
+def as_layout(plain: Sequence[Any]) -> Layout:
+    """Return a layout, of which a store has kept lists."""
+    return tuple(
         Quantity(name, tuple(Axis(of, tuple(labels), *more) for of, labels, *more in axes), *rest)
-        for name, axes, *rest in json.loads(kept.common)
+        for name, axes, *rest in plain
     )
-    texts, numbers = json.loads(kept.text), np.frombuffer(kept.data)
-    measured = sum(one.size for one in layout if not one.words)
-    return Outcome(
-        value=Measured(layout, numbers[:measured], tuple(texts[len(_TEXTS) :])),
-        final=numbers[measured:],
-        **dict(zip(_TEXTS, texts, strict=False)),
-    )
-
-
-_TEXTS = ("status", "message", "warnings", "kernels")
 
 
 def in_text(value: Any) -> str:
@@ -110,8 +79,8 @@ def _same(value: Any, default: Any) -> bool:
     return value is default or (isinstance(value, (bool, int, float, str)) and value == default)
 
 
-def packed(found: Sequence[tuple[Quantity, Any]]) -> Measured:
-    """Put the values of quantities into a row."""
+def packed(found: Sequence[tuple[Quantity, Any]]) -> tuple[Layout, Array, list[str]]:
+    """Put the values of quantities into a row of numbers and one of texts."""
     parts: list[Array] = [np.zeros(0)]
     words: list[str] = []
     for quantity, value in found:
@@ -119,4 +88,4 @@ def packed(found: Sequence[tuple[Quantity, Any]]) -> Measured:
             words += [str(one) for one in np.ravel(np.asarray(value, dtype=object))]
         else:
             parts.append(np.ravel(np.asarray(value, dtype=np.float64)))
-    return Measured(tuple(quantity for quantity, _ in found), np.concatenate(parts), tuple(words))
+    return tuple(quantity for quantity, _ in found), np.concatenate(parts), words

@@ -36,7 +36,7 @@ from ..verification.runs import whole_scene
 from .dataset import Table
 from .measure import as_measure
 from .names import OPTIONS, find, in_words, place
-from .outcomes import in_text, of_kept, to_kept
+from .outcomes import in_text
 from .points import RUN, Points, as_points
 from .work import Work
 
@@ -229,8 +229,6 @@ def sweep(
             order=lambda runs: _order(work, points, runs),
             store=store,
             keys=[] if store is None else _keys(work, points, after, key),
-            to_kept=to_kept,
-            of_kept=of_kept,
             progress=shown,
             label="sweep",
         )

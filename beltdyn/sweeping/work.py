@@ -61,7 +61,7 @@ class Work:
         if self.chained:
             more["final"] = _numbers_of(result.final_state)
         try:
-            more["value"] = self.measure.of(result)
+            more["layout"], *more["value"] = self.measure.of(result)
         except Exception as error:
             more |= {"status": "measure", "value": None, "reproducible": False}
             more["message"] = f"{type(error).__name__}: {in_line(error)}{_where(error)}"

@@ -22,8 +22,7 @@ from ..drive.params import Params
 from ..outputs.accuracy_report import SPACE_FLOOR, TENSIONS, TIME_FLOOR
 from ..result.errors import SimulationError
 from .quantities import Observed, differences, with_links
-from .runs import Done
-from .settings import Setting, fewest
+from .runs import Done, Setting, fewest
 
 #: The first mesh has twice the fewest links that lie round the smallest pulley: twelve on it.
 _FIRST = 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -20,7 +21,11 @@ from ..outputs.accuracy_report import Accuracy
 from ..outputs.state import State
 from ..result.result import Result
 from .quantities import Observed, observe, with_links
-from .settings import Setting
+
+#: Links on the circumference of the smallest pulley, at least: of a hexagon.
+_ROUND = 6
+#: Cells of a pulley and the span that follows it, at least.
+_CELLS = 7
 
 
 def whole_scene(value: object, other: str = "one of bd.scenes") -> Scene:
@@ -41,6 +46,31 @@ def evaluated_in_core(scene: Scene) -> bool:
     """Whether torques and motions are objects, which the core evaluates without Python."""
     motions = scene.motion.values() if isinstance(scene.motion, Mapping) else ()
     return isinstance(scene.torque_fn, Torque) and all(map(in_core, motions))
+
+
+@attrs.frozen(order=True)
+class Setting:
+    """Settings of a run."""
+
+    n_bodies: int  # links, of an ALE belt about the cells
+    method: str
+    rtol: float  # error in time that the method is asked for
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Keywords for :func:`beltdyn.simulate`, ``method`` and ``rtol``."""
+        return {"method": self.method, "rtol": self.rtol}
+
+    def __str__(self) -> str:
+        return f"{self.method} at rtol {self.rtol:.2g} with n_bodies = {self.n_bodies}"
+
+
+def fewest(params: Params) -> int:
+    """Return the least number of links that still lie round every pulley; of cells the least."""
+    if params._flows:
+        return _CELLS * len(params.pulleys)
+    radius = min(pulley.radius for pulley in params.pulleys)
+    return max(8, math.ceil(_ROUND * params.info["length"] / (2.0 * math.pi * radius)))
 
 
 @attrs.frozen(eq=False)
