@@ -9,10 +9,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import attrs
-import numpy as np
 
 from .. import _core
-from ..base.checks import Array, flag, integer, positive, real
+from ..base.checks import flag, integer, positive, real
 from ..base.described import suggesting
 from ..drive.scene import Scene
 from ..many.collect import outcomes
@@ -146,19 +145,19 @@ def study(
         )
         return dict(zip(inputs, found, strict=True))
 
-    def refer(setting: Setting, _before: Array | None) -> Outcome:
+    def refer(setting: Setting, _before: None) -> Outcome:
         return Outcome(status="finished", value=attrs.asdict(runs(setting).seen))
 
-    def climb(setting: Setting, before: Array | None) -> Outcome:
+    def climb(setting: Setting, before: float | None) -> Outcome:
         """Run a setting, unless the looser one before it, of so much CPU time, took too long."""
-        if before is not None and before[0] > limit:
+        if before is not None and before > limit:
             return Outcome(status="missing", final=before)
         own = {pair.method: seen[pair] for pair in pairs[setting.n_bodies]}
         outcome = attempt(
             lambda: _compared(runs, setting, own, first[finest], limit), SimulationError
         )
         seconds = (outcome.value or _FAILED)["seconds"]
-        return attrs.evolve(outcome, final=np.array([seconds]))
+        return attrs.evolve(outcome, final=seconds)
 
     # The longest first, so that no thread is left with them at the end.
     pairs = {

@@ -33,7 +33,7 @@ def to_kept(outcome: Outcome) -> Kept:
     arrays: list[Array] = []
 
     def put(array: Array) -> dict[str, Any]:
-        arrays.append(array)
+        arrays.append(np.asarray(array, dtype=float))
         return {"shape": array.shape}
 
     text = json.dumps([getattr(outcome, name) for name in _KEPT], default=put)
@@ -87,7 +87,7 @@ def collect(
         text = take(run, outcome)
     todo = order([run for run in range(len(rows)) if run not in known])
     starts = {after[run] for run in todo} & known.keys()
-    finals = {run: known[run].final for run in starts if known[run].final.size}
+    finals = {run: known[run].final for run in starts if known[run].final is not None}
     stored = done = len(known)
     del known, found
     if progress and stored:

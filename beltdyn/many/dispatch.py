@@ -12,7 +12,6 @@ from contextlib import suppress
 from functools import lru_cache
 from typing import Any, NamedTuple
 
-from ..base.checks import Array
 from ..base.stopping import without_ctrl_c
 from .outcome import Outcome
 from .pools import Pool, as_bytes
@@ -27,9 +26,9 @@ _LAST = 0.3
 _LOOK = 1.0
 
 
-#: Does a run, of its row and the final state, as numbers, that it starts from. Several threads may
-#: share it, and it can be sent to other processes.
-Run = Callable[[Any, Array | None], Outcome]
+#: Does a run, of its row and what the outcome that it starts from has as ``final``. Several threads
+#: may share it, and it can be sent to other processes.
+Run = Callable[[Any, Any], Outcome]
 
 
 class Batch(NamedTuple):
@@ -50,7 +49,7 @@ class Dispatch:
         rows: Sequence[Any],
         order: Sequence[int],  # the runs to do
         after: Sequence[int],  # the run from whose end each starts, -1: none
-        finals: Mapping[int, Array],  # of runs that are done already
+        finals: Mapping[int, Any],  # of runs that are done already
         done: Callable[[int, Outcome], None],  # called as runs end
         idle: Callable[[], None] = lambda: None,  # called now and then
     ) -> None:
@@ -174,7 +173,7 @@ class Dispatch:
                 message = "the run from whose end it starts was lost"
                 self._end(follower, Outcome(status="lost", message=message))
             return
-        if outcome.final.size:
+        if outcome.final is not None:
             self._starts |= dict.fromkeys(followers, outcome.final)
         # Next, so that few states are kept at a time.
         self._ready.extendleft(reversed(followers))
@@ -208,7 +207,7 @@ class Dispatch:
 _loaded: Callable[[bytes], Run] = lru_cache(maxsize=2)(pickle.loads)
 
 
-def run_batch(do: Run | bytes, runs: Sequence[tuple[Any, Array | None]] | bytes) -> Batch:
+def run_batch(do: Run | bytes, runs: Sequence[tuple[Any, Any]] | bytes) -> Batch:
     """Do several runs, one after the other; as bytes if they come from another process."""
     run = _loaded(do) if isinstance(do, bytes) else do
     outcomes: list[Outcome] = []

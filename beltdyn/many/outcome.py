@@ -6,10 +6,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import attrs
-import numpy as np
 
 from .. import _core
-from ..base.checks import Array
 from ..result.errors import SimulationError
 
 #: How a run may end, and what that means.
@@ -37,8 +35,8 @@ class Outcome:
     #: Whether it would end so on any machine. What a torque function or a measure raises may be
     #: due to this one; what is refused costs nothing to refuse again.
     reproducible: bool = True
-    #: What a run that follows it starts from, such as its final state, as numbers; or empty.
-    final: Array = attrs.field(factory=lambda: np.zeros(0))
+    #: What a run that follows it starts from, such as the arrays of its final state; or None.
+    final: Any = None
 
     @property
     def lasting(self) -> bool:

@@ -318,39 +318,35 @@ def _given(name: str | None, value: Any) -> list[Found]:
         before = "" if name is None else f"{name}."
         return [one for key, inner in value.items() for one in _given(f"{before}{key}", inner)]
     assert name is not None
-    if value is None:
-        return [(Quantity(name, (), "", name), np.nan)]
-    if isinstance(value, str):
-        return [(Quantity(name, (), "", name, True), value)]
-    if isinstance(value, numbers.Real):
-        return [(Quantity(name, (), "", name), float(value))]
-    if hasattr(value, "dims") and hasattr(value, "coords"):
-        return [_labelled(name, value)]
+    labelled = hasattr(value, "dims") and hasattr(value, "coords")  # an xarray.DataArray
+    units, text = _described(value) if labelled else ("", "")
+    values = value.values if labelled else np.nan if value is None else value
+    if isinstance(values, str):
+        return [(Quantity(name, (), units, text or name, True), values)]
     try:
-        array = np.asarray(value)
+        array = np.asarray(float(values) if isinstance(values, numbers.Real) else values)
     except ValueError:  # rows of different lengths
         array = np.asarray(None)
     if array.dtype.kind not in "fiub":
         raise TypeError(
             f"{name} must be a number, a text or an array of numbers, got {type(value).__name__}"
         )
-    axes = tuple(Axis(f"{name}_{k}", (), size) for k, size in enumerate(array.shape))
-    return [(Quantity(name, axes, "", name), array)]
+    axes: list[Axis] = []
+    for k, size in enumerate(array.shape):
+        axes.append(_axis(value, k, size) if labelled else Axis(f"{name}_{k}", (), size))
+    return [(Quantity(name, tuple(axes), units, text or name), array)]
 
 
-def _labelled(name: str, value: Any) -> Found:
-    """Take an xarray.DataArray."""
-    axes = []
-    for dim, size in zip(value.dims, value.shape, strict=True):
-        labels: tuple[Any, ...] = ()
-        units = text = ""
-        if dim in value.coords:
-            coordinate = value.coords[dim]
-            labels = tuple(
-                str(one) if coordinate.dtype.kind in "OU" else float(one)
-                for one in coordinate.values
-            )
-            units, text = (str(coordinate.attrs.get(key, "")) for key in ("units", "long_name"))
-        axes.append(Axis(str(dim), labels, int(size), units, text))
-    units, text = (str(value.attrs.get(key, "")) for key in ("units", "long_name"))
-    return Quantity(name, tuple(axes), units, text or name), np.asarray(value.values)
+def _axis(labelled: Any, k: int, size: int) -> Axis:
+    """Return an axis of an xarray.DataArray."""
+    dim = labelled.dims[k]
+    if dim not in labelled.coords:
+        return Axis(str(dim), (), size)
+    along = labelled.coords[dim]
+    labels: Any = map(str if along.dtype.kind in "OU" else float, along.values)
+    return Axis(str(dim), tuple(labels), size, *_described(along))
+
+
+def _described(labelled: Any) -> tuple[str, str]:
+    units, text = (str(labelled.attrs.get(key, "")) for key in ("units", "long_name"))
+    return units, text

@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import attrs
-import numpy as np
 
 from .. import _core
-from ..base.checks import Array
 from ..base.run_warnings import silenced
 from ..drive.params import Params
 from ..drive.scene import Scene
@@ -44,11 +42,11 @@ class Work:
         self.of_drive = [k for k, root in enumerate(roots) if root == "params"]
         self._drives = Shared(self._drive)
 
-    def __call__(self, values: Sequence[Any], before: Array | None = None) -> Outcome:
-        """Do a run; ``before`` is the final state of the one whose end it starts from."""
+    def __call__(self, values: Sequence[Any], before: Any = None) -> Outcome:
+        """Do a run; ``before``: arrays of the final state of the one whose end it starts from."""
         return attrs.evolve(self._run(values, before), error=None)  # to be sent
 
-    def _run(self, values: Sequence[Any], before: Array | None) -> Outcome:
+    def _run(self, values: Sequence[Any], before: Any) -> Outcome:
         prepared = attempt(lambda: self._scene(values), (TypeError, ValueError))
         if prepared.status != "finished":
             return prepared
@@ -59,7 +57,8 @@ class Work:
         result: Result = ran.value
         more: dict[str, Any] = {"warnings": "\n".join(map(str, result.warnings))}
         if self.chained:
-            more["final"] = _numbers_of(result.final_state)
+            state = result.final_state
+            more["final"] = {name: getattr(state, name) for name, *_ in _core.STATE_FIELDS}
         try:
             more["layout"], *more["value"] = self.measure.of(result)
         except Exception as error:
@@ -79,10 +78,10 @@ class Work:
     def _drive(self, changes: dict[str, Any]) -> Params:
         return changed(self.scene, {}, changes)[0].params
 
-    def _simulate(self, scene: Scene, options: dict[str, Any], before: Array | None) -> Result:
+    def _simulate(self, scene: Scene, options: dict[str, Any], before: Any) -> Result:
         with silenced():
             if before is not None:
-                options = {**options, "initial": _state_of(before)}
+                options = {**options, "initial": State(t=0.0, **before)}
             elif options.get("initial") is None and options.get("verify") is not True:
                 # Runs that verify one settle on meshes of their own, as the run itself did.
                 state = self._states.start(scene, options.get("breakpoints", ()))
@@ -105,27 +104,3 @@ def _where(error: BaseException) -> str:
         return ""
     last = frames[-1]
     return f" (line {last.lineno} of {last.name}, {Path(last.filename).name})"
-
-
-# --- Final states, from which other runs start ---------------------------------------------------
-
-
-def _numbers_of(state: State) -> Array:
-    """Put a state into one row: of each field its rows and columns, then its numbers."""
-    parts: list[Array] = []
-    for name, *_ in _core.STATE_FIELDS:
-        values = np.atleast_2d(getattr(state, name))
-        parts += [np.array(values.shape, dtype=float), np.ravel(values)]
-    return np.concatenate(parts)
-
-
-def _state_of(row: Array) -> State:
-    """Put a state together again, at the time 0."""
-    found: dict[str, Any] = {}
-    at = 0
-    for name, *_ in _core.STATE_FIELDS:
-        rows, columns = (int(one) for one in row[at : at + 2])
-        values = row[at + 2 : at + 2 + rows * columns]
-        found[name] = values.reshape(rows, columns) if rows > 1 else values
-        at += 2 + rows * columns
-    return State(t=0.0, **found)
