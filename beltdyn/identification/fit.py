@@ -192,28 +192,26 @@ def identify(
     ):
         search = _Search(Rig(params, parameters, targets, pool), parameters, options, show)
         try:
-            success, message = search.run(least_squares)
+            search.run(least_squares)
             shift, note = search.mesh() if options.mesh else (None, "not asked for")
         except KeyboardInterrupt as error:
             stopped = f"interrupted after {search.rig.runs} runs"
-            search.restore()
-            found = search.report(False, stopped, None, stopped)
-            raise IdentificationInterrupted(stopped, found) from error
-        found = search.report(success, message, shift, note)
+            raise IdentificationInterrupted(stopped, search.stopped(stopped)) from error
+        found = search.report(shift, note)
     issue(distinct(run.warnings for run in found.results.values()))
     return found
 
 
-@attrs.frozen(eq=False)
-class _End:
-    """Where one search ended, and what a report needs of it."""
+@attrs.frozen(eq=False, kw_only=True)
+class _Place:
+    """Where a search is, or ended, and what a report needs of it."""
 
     best: Trial
     sigma: Array
-    slopes: tuple[Array, Array]
+    slopes: tuple[Array, Array]  # the point of the last derivatives, and these
     active: Array
-    success: bool
-    message: str
+    success: bool = False
+    message: str = ""
 
 
 class _Search:
@@ -228,11 +226,11 @@ class _Search:
     ) -> None:
         self.rig = rig
         self._parameters, self._options, self._show_runs = parameters, options, show
+        free = len(parameters)
         self._low = np.array([part.coordinate(part.low) for part in parameters])
         self._high = np.array([part.coordinate(part.high) for part in parameters])
-        self._active = np.zeros(len(parameters), dtype=int)
         self._nfev = self._failed = 0
-        self._ends: list[_End] = []
+        self._ends: list[_Place] = []
         #: Every point that could be simulated: its coordinates, its score.
         self._tried: list[tuple[Array, float]] = []
         self._unknown = [name for name, target in rig.targets.items() if target.sigma is None]
@@ -241,25 +239,26 @@ class _Search:
                 f"loss {options.loss!r} needs the sigma of target {self._unknown[0]!r}"
             )
         self._measured = np.concatenate([target.values.ravel() for target in rig.targets.values()])
-        self._sigma = np.ones_like(self._measured)
+        sigma = np.ones_like(self._measured)
         for name, target in rig.targets.items():
             if target.sigma is not None:
-                self._sigma[rig.slices[name]] = target.sigma.ravel()
+                sigma[rig.slices[name]] = target.sigma.ravel()
                 continue
-            if target.values.size <= len(parameters):
+            if target.values.size <= free:
                 raise ValueError(
                     f"target {name!r} needs a sigma: {target.values.size} number(s) are too few "
-                    f"to estimate it beside {len(parameters)} free parameter(s)"
+                    f"to estimate it beside {free} free parameter(s)"
                 )
-            self._sigma[rig.slices[name]] = _GUESS * self._size(name)
-        #: The point of the last derivatives, and these.
-        self._slopes = (
-            np.full(len(parameters), np.nan),
-            np.full((self._measured.size, len(parameters)), np.nan),
-        )
+            sigma[rig.slices[name]] = _GUESS * self._size(name)
         self._best_cost = np.inf
-        self._last = self.best = Trial(u=np.empty(0), y=np.empty(0))
-        if (error := self._try(np.ones(len(parameters))).error) is not None:  # it is the user's
+        self._last = Trial(u=np.empty(0), y=np.empty(0))
+        self._guess = self._now = _Place(
+            best=self._last,
+            sigma=sigma,
+            slopes=(np.full(free, np.nan), np.full((sigma.size, free), np.nan)),
+            active=np.zeros(free, dtype=int),
+        )
+        if (error := self._try(np.ones(free)).error) is not None:  # it is the user's
             raise error
 
     def _size(self, name: str) -> float:
@@ -268,18 +267,25 @@ class _Search:
             raise ValueError(f"target {name!r} needs a sigma: all its values are 0")
         return size
 
-    def run(self, least_squares: Callable[..., Any]) -> tuple[bool, str]:
+    def run(self, least_squares: Callable[..., Any]) -> None:
         """Search from several points, and from what fits better than where that ended."""
-        guess = self._sigma.copy()
         for u in self._starts():
-            self._sigma[:] = guess
+            self._move(sigma=self._guess.sigma)
             success, message = self._search(least_squares, u)
-            sigma = self._sigma.copy()
-            self._ends.append(_End(self.best, sigma, self._slopes, self._active, success, message))
+            self._ends.append(self._move(success=success, message=message))
             self.restore()
             if self._nfev >= self._options.max_nfev:
                 break
-        return self._ends[0].success, self._ends[0].message
+
+    def stopped(self, why: str) -> Identification:
+        """Return the best so far of a search that did not end."""
+        self.restore()
+        self._move(success=False, message=why)
+        return self.report(None, why)
+
+    def _move(self, **changes: Any) -> _Place:
+        self._now = attrs.evolve(self._now, **changes)
+        return self._now
 
     def _starts(self) -> Iterator[Array]:
         """Yield where to search from; what is beyond the best fit so far once that is there."""
@@ -297,10 +303,8 @@ class _Search:
     def restore(self) -> None:
         """Go back to the best end, if it is better than what is being searched."""
         self._ends.sort(key=lambda end: self._score(end.best))
-        if self._ends and self._score(self._ends[0].best) <= self._score(self.best):
-            end = self._ends[0]
-            self.best, self._slopes, self._active = end.best, end.slopes, end.active
-            self._sigma[:] = end.sigma
+        if self._ends and self._score(self._ends[0].best) <= self._score(self._now.best):
+            self._now = self._ends[0]
 
     def _others(self, count: int) -> list[Array]:
         """Return the best of points spread evenly in each parameter around the start."""
@@ -323,15 +327,15 @@ class _Search:
                 way = row / np.sqrt(spread[k, k])
                 longest = _FAR / np.abs(way).max()
                 for side in (1.0, -1.0):
-                    points += [self.best.u + side * min(one, longest) * way for one in _PROBES]
+                    points += [self._now.best.u + side * min(one, longest) * way for one in _PROBES]
         scored = self._scored(np.array(points)) if points else []
-        better = scored and scored[0][1] < self._score(self.best) - _BETTER
+        better = scored and scored[0][1] < self._score(self._now.best) - _BETTER
         return scored[0][0] if better else None
 
     def _beside(self, side: float) -> Array:
         """Return the best fit with the least known parameter changed by a factor of 2."""
         spread = np.diag(linear.covariance(self._jacobian))
-        u = self.best.u.copy()
+        u = self._now.best.u.copy()
         u[int(np.argmax(spread))] += side * _FAR
         return np.asarray(np.clip(u, self._low, self._high))
 
@@ -364,13 +368,13 @@ class _Search:
     def mesh(self) -> tuple[Array | None, str]:
         """Return how far the fit would move on an infinitely fine mesh, or None and why not."""
         try:
-            [fine] = self.rig.try_all([self.best.u], refine=2)
+            [fine] = self.rig.try_all([self._now.best.u], refine=2)
         except Exception as error:  # what fits the links of this mesh, such as an initial state
             return None, str(error)
         if fine.error is not None:
             return None, str(fine.error)
         jacobian = self._jacobian
-        apart = (fine.y - self.best.y) / self._sigma / (1.0 - 2.0**-ASSUMED)
+        apart = (fine.y - self._now.best.y) / self._now.sigma / (1.0 - 2.0**-ASSUMED)
         with np.errstate(invalid="ignore"):
             moved = -linear.covariance(jacobian) @ (jacobian[: apart.size].T @ apart)
         return moved, ""
@@ -383,7 +387,7 @@ class _Search:
             found = least_squares(
                 self._residuals,
                 u,
-                jac=lambda u: self._scaled(self._slopes_at(u)),
+                jac=self._jacobian_at,
                 bounds=(self._low, self._high),
                 method="trf",
                 x_scale=1.0,
@@ -393,38 +397,36 @@ class _Search:
                 gtol=1e-12,
                 max_nfev=max(1, options.max_nfev - self._nfev),
             )
-            u, self._active = found.x, found.active_mask
-            self.best = self._try(u)
-            self._slopes_at(u)
+            u = found.x
+            self._move(best=self._try(u), active=found.active_mask)
+            self._jacobian_at(u)
             if not self._unknown or found.status == 0 or self._estimate_sigma() <= _SETTLED:
                 return found.status > 0, str(found.message)
         return False, "the estimated standard deviations keep changing"
 
     def _try(self, u: Array) -> Trial:
-        for one in (self._last, self.best):
-            if np.array_equal(one.u, u):
-                return one
-        self._last = trial = self.rig.try_all([u.copy()], keep=True)[0]
-        self._nfev += 1
-        self._failed += trial.error is not None
-        self._noted([trial])
-        self._compare(trial)
-        return trial
-
-    def _compare(self, trial: Trial) -> None:
-        """Keep a trial if it is the best of this search."""
+        """Simulate a point that is not known yet; keep it if it is the best of this search."""
+        known = [one for one in (self._last, self._now.best) if np.array_equal(one.u, u)]
+        if known:
+            trial = known[0]
+        else:
+            self._last = trial = self.rig.try_all([u.copy()], keep=True)[0]
+            self._nfev += 1
+            self._failed += trial.error is not None
+            self._noted([trial])
         if trial.error is None:
             cost = linear.cost_and_weights(self._rows(trial), self._options.loss)[0]
             if cost < self._best_cost:
-                self.best, self._best_cost = trial, cost
+                self._move(best=trial)
+                self._best_cost = cost
         self._show()
+        return trial
 
     def _show(self) -> None:
         self._show_runs(self.rig.runs, None, f"cost {self._best_cost:.6g}")
 
     def _residuals(self, u: Array) -> Array:
         trial = self._try(u)
-        self._compare(trial)
         if trial.error is None:
             return self._rows(trial)
         # The trust region shrinks on what is not finite.
@@ -433,25 +435,21 @@ class _Search:
     def _rows(self, trial: Trial) -> Array:
         """Return the residuals of a trial."""
         known = [(trial.u[k] - at) / std for k, at, std in self._options.prior]
-        return np.concatenate([(trial.y - self._measured) / self._sigma, known])
+        return np.concatenate([(trial.y - self._measured) / self._now.sigma, known])
 
     @property
     def _jacobian(self) -> Array:
         """Derivatives of the residuals where they were taken last."""
-        return self._scaled(self._slopes[1])
-
-    def _scaled(self, slopes: Array) -> Array:
-        """Return derivatives of the residuals for those of the computed numbers."""
-        rows = np.zeros((len(self._options.prior), slopes.shape[1]))
+        rows = np.zeros((len(self._options.prior), len(self._parameters)))
         for row, (k, _, std) in zip(rows, self._options.prior, strict=True):
             row[k] = 1.0 / std
-        return np.concatenate([slopes / self._sigma[:, None], rows])
+        return np.concatenate([self._now.slopes[1] / self._now.sigma[:, None], rows])
 
-    def _slopes_at(self, u: Array) -> Array:
-        """Return the derivatives of the computed numbers (n, n_free), by differences."""
-        if not np.array_equal(self._slopes[0], u):
-            self._slopes = u.copy(), self._differences(self._try(u))
-        return self._slopes[1]
+    def _jacobian_at(self, u: Array) -> Array:
+        """Take the derivatives at a point, by differences, and return those of the residuals."""
+        if not np.array_equal(self._now.slopes[0], u):
+            self._move(slopes=(u.copy(), self._differences(self._try(u))))
+        return self._jacobian
 
     def _differences(self, here: Trial) -> Array:
         slopes = np.zeros((self._measured.size, here.u.size))
@@ -490,21 +488,18 @@ class _Search:
 
     def _estimate_sigma(self) -> float:
         """Estimate unknown sigmas; return the largest relative change."""
-        residuals = self._rows(self.best)
-        freedom = 1.0 - linear.leverage(self._jacobian)
-        changes = []
+        residuals, old = self._rows(self._now.best), self._now.sigma
+        freedom, new = 1.0 - linear.leverage(self._jacobian), old.copy()
         for name in self._unknown:
             here = self.rig.slices[name]
-            old = float(self._sigma[here][0])
             factor = np.sqrt(float(np.sum(residuals[here] ** 2)) / float(np.sum(freedom[here])))
-            new = max(old * factor, _LEAST * self._size(name))
-            self._sigma[here] = new
-            changes.append(abs(np.log(new / old)))
-        return float(max(changes))
+            new[here] = np.maximum(old[here] * factor, _LEAST * self._size(name))
+        self._move(sigma=new)
+        return float(np.max(abs(np.log(new / old))))
 
-    def report(self, success: bool, message: str, mesh: Array | None, note: str) -> Identification:
+    def report(self, mesh: Array | None, note: str) -> Identification:
         """Make the result."""
-        best, options, rig, parts = self.best, self._options, self.rig, self._parameters
+        best, options, rig, parts = self._now.best, self._options, self.rig, self._parameters
         assert best.params is not None
         residuals, jacobian = self._rows(best), self._jacobian
         cost, weights = linear.cost_and_weights(residuals, options.loss)
@@ -530,7 +525,7 @@ class _Search:
             confidence=options.confidence,
             limit=options.limit,
             residuals=by_target(residuals),
-            sigma=by_target(self._sigma),
+            sigma=by_target(self._now.sigma),
             estimated=tuple(self._unknown),
             jacobian=jacobian[: self._measured.size],
             labels=rig.labels,
@@ -541,15 +536,17 @@ class _Search:
             nfev=self._nfev,
             failed=self._failed,
             runs=rig.runs,
-            success=success,
-            message=message,
+            success=self._now.success,
+            message=self._now.message,
             mesh=None if mesh is None else by_name(map(Parameter.spread, parts, mesh)),
             mesh_message=note,
             ends=np.array([end.best.u for end in self._ends]),
             tried=np.array([u for u, _ in self._tried]),
             excess=np.array([score for _, score in self._tried]) - self._score(best),
             results=dict(zip(rig.experiments, best.results, strict=True)),
-            at_limit={name: limits[side] for name, side in by_name(self._active).items() if side},
+            at_limit={
+                name: limits[side] for name, side in by_name(self._now.active).items() if side
+            },
             parameters=parts,
             curves=frozenset(name for name, target in rig.targets.items() if target.is_curve),
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from functools import partial
 from typing import Any
 
 import attrs
@@ -19,6 +18,7 @@ from ..many.collect import outcomes
 from ..many.outcome import Outcome, attempt
 from ..many.pools import Pool
 from ..outputs.histories import GROUPS
+from ..outputs.state import State
 from ..result.errors import SimulationError
 from ..result.result import Result
 from ..run.simulation import simulate
@@ -91,46 +91,30 @@ class Rig:
         self, points: Sequence[Array], *, keep: bool = False, refine: int = 1
     ) -> list[Trial]:
         """Simulate all experiments at several points, in parallel."""
-        jobs = [
-            (k, run, drive)
-            for k, u in enumerate(points)
-            for run, drive in zip(self._runs, self._drives(u, refine), strict=True)
-        ]
         # Settled before the runs, which share them, so that processes need not settle them again.
-        first: dict[tuple[int, int], tuple[Experiment, Outcome]] = {}
-        for k, run, drive in jobs:
-            first.setdefault((k, run.start), (run.experiment, drive))
-        begun = dict(zip(first, outcomes(_begin, list(first.values()), self._pool), strict=True))
-        rows = [(run, drive, begun[k, run.start], keep) for k, run, drive in jobs]
-        done = outcomes(_simulate, rows, self._pool)
-        self.runs += len(jobs)
-        width = len(self._runs)
-        return [self._trial(u, done[k * width : (k + 1) * width]) for k, u in enumerate(points)]
-
-    def _drives(self, u: Array, refine: int) -> list[Outcome]:
-        """Return the drive of each run, or why there is none."""
-
-        def placed() -> Params:
-            drive = place(self._params, self._parameters, u)
-            return with_links(drive, refine * drive.n_bodies) if refine > 1 else drive
-
-        of_all = attempt(placed, ValueError)
-        if of_all.value is None:
-            return [of_all] * len(self._runs)
-        return [
-            attempt(partial(run.experiment.drive, of_all.value), ValueError) for run in self._runs
+        starts = {run.start: run.experiment for run in reversed(self._runs)}
+        begins = [
+            (self._params, self._parameters, experiment, u, refine)
+            for u in points
+            for experiment in starts.values()
         ]
+        begun = iter(outcomes(_begin, begins, self._pool))
+        of_points = [{start: next(begun) for start in starts} for _ in points]
+        jobs = [(run, begun[run.start], keep) for begun in of_points for run in self._runs]
+        done = iter(outcomes(_simulate, jobs, self._pool))
+        self.runs += len(jobs)
+        return [self._trial(u, [next(done) for _ in self._runs]) for u in points]
 
     def _trial(self, u: Array, done: Sequence[Outcome]) -> Trial:
         for one in done:
             if one.status != "finished":
                 return Trial(u=u, y=np.empty(0), error=one.error or RuntimeError(one.message))
-        good = [one.value for one in done]
+        numbers, results = zip(*(one.value for one in done), strict=True)
         return Trial(
             u=u,
-            y=np.concatenate([y for y, _ in good]),
+            y=np.concatenate(numbers),
             params=place(self._params, self._parameters, u),
-            results=tuple(result for _, result in good if result is not None),
+            results=tuple(result for result in results if result is not None),
         )
 
 
@@ -175,26 +159,33 @@ def _arrange(params: Params, targets: Sequence[Target]) -> list[_Run]:
     return list(runs.values())
 
 
-def _begin(job: tuple[Experiment, Outcome], _before: object) -> Outcome:
-    """Return the state that runs start from."""
-    experiment, drive = job
-    if drive.status != "finished":
-        return drive
-    return attempt(partial(experiment.begin, drive.value), (ValueError, SimulationError))
+def _begin(
+    job: tuple[Params, Sequence[Parameter], Experiment, Array, int], _before: object
+) -> Outcome:
+    """Return the drive of runs that begin alike, and its state."""
+    params, parameters, experiment, u, refine = job
+
+    def begun() -> tuple[Params, State]:
+        drive = place(params, parameters, u)
+        if refine > 1:
+            drive = with_links(drive, refine * drive.n_bodies)
+        drive = experiment.drive(drive)
+        return drive, experiment.begin(drive)
+
+    return attempt(begun, (ValueError, SimulationError))
 
 
-def _simulate(job: tuple[_Run, Outcome, Outcome, bool], _before: object) -> Outcome:
+def _simulate(job: tuple[_Run, Outcome, bool], _before: object) -> Outcome:
     """Return the computed numbers of a run, and its result if that is to be kept."""
-    run, drive, start, keep = job
-    for before in (drive, start):
-        if before.status != "finished":
-            return before
-    experiment = run.experiment
+    run, begun, keep = job
+    if begun.status != "finished":
+        return begun
+    experiment, (drive, start) = run.experiment, begun.value
 
     def simulated() -> Result:
-        scene = Scene(drive.value, experiment.torque_fn, experiment.t_end, experiment.motion)
+        scene = Scene(drive, experiment.torque_fn, experiment.t_end, experiment.motion)
         with silenced():
-            return simulate(*scene, t_eval=run.t, initial=start.value, **experiment.options)
+            return simulate(*scene, t_eval=run.t, initial=start, **experiment.options)
 
     ran = attempt(simulated, SimulationError)
     if ran.value is None:

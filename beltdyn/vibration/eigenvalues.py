@@ -63,58 +63,39 @@ def first_rate(params: Params) -> float:
     return float(np.pi * params._wave_speed / np.max(params.route.spans))
 
 
-class _Krylov:
-    """A Krylov space of (J - s)^-1, in unknowns scaled for an angular frequency."""
+def disc(linear: Linear, shift: complex, radius: float) -> tuple[Found, bool]:
+    """Return the eigenvalues in the disc round a shift that have converged; whether that is all."""
+    sparse, linalg = scipy_sparse()
+    size, matrix = linear.scaled(abs(shift))  # unknowns in sizes of that angular frequency
+    lu = linalg.splu((matrix - shift * sparse.identity(linear.size, format="csc")).tocsc())
+    start = np.random.default_rng(1).standard_normal((linear.size, BLOCK)).astype(complex)
+    space, h = [np.linalg.qr(matrix @ lu.solve(start))[0]], np.zeros((MOST + BLOCK, MOST), complex)
 
-    def __init__(self, linear: Linear, shift: complex) -> None:
-        sparse, linalg = scipy_sparse()
-        self.shift = shift
-        self.size, self.matrix = linear.scaled(abs(shift))
-        n = linear.size
-        self._lu = linalg.splu((self.matrix - shift * sparse.identity(n, format="csc")).tocsc())
-        rng = np.random.default_rng(1)
-        start = self.matrix @ self._lu.solve(rng.standard_normal((n, BLOCK)).astype(complex))
-        self._blocks = [np.linalg.qr(start)[0]]
-        self._h = np.zeros((MOST + BLOCK, MOST), complex)
-
-    def grow(self, blocks: int) -> None:
-        """Add blocks, each orthogonal to all before (Gram and Schmidt, twice)."""
-        for _ in range(blocks):
-            m = len(self._blocks) * BLOCK
-            basis = np.hstack(self._blocks)
-            new = self._lu.solve(self._blocks[-1])
+    def grow(blocks: int) -> tuple[Found, bool]:
+        """Add blocks, each orthogonal to all before (Gram and Schmidt, twice); return as above."""
+        for m in range(BLOCK * len(space), BLOCK * (len(space) + blocks), BLOCK):
+            basis, new = np.hstack(space), lu.solve(space[-1])
             for _ in range(2):
                 share = basis.conj().T @ new
                 new -= basis @ share
-                self._h[:m, m - BLOCK : m] += share
-            q, r = np.linalg.qr(new)
-            self._h[m : m + BLOCK, m - BLOCK : m] = r
-            self._blocks.append(q)
-
-    def ritz(self, radius: float) -> tuple[Found, bool]:
-        """Eigenvalues within a radius of the shift, and whether all have converged."""
-        m = (len(self._blocks) - 1) * BLOCK
-        theta, y = np.linalg.eig(self._h[:m, :m])
+                h[:m, m - BLOCK : m] += share
+            q, h[m : m + BLOCK, m - BLOCK : m] = np.linalg.qr(new)
+            space.append(q)
+        theta, y = np.linalg.eig(h[:m, :m])
         near = np.flatnonzero(abs(theta) * radius > 1.0)
         theta, y = theta[near], y[:, near]
-        off = np.linalg.norm(self._h[m : m + BLOCK, m - BLOCK : m] @ y[-BLOCK:], axis=0)
+        off = np.linalg.norm(h[m : m + BLOCK, m - BLOCK : m] @ y[-BLOCK:], axis=0)
         good = off < CONVERGED * abs(theta)
-        vectors = np.hstack(self._blocks[:-1]) @ y[:, good]
-        found = Found(self.shift + 1.0 / theta[good], self.size[:, None] * vectors)
-        return found, bool(good.all())
+        vectors = size[:, None] * (np.hstack(space[:-1]) @ y[:, good])
+        return Found(shift + 1.0 / theta[good], vectors), bool(good.all())
 
-
-def disc(linear: Linear, shift: complex, radius: float) -> tuple[Found, bool]:
-    """Return the eigenvalues in the disc round a shift that have converged; whether that is all."""
     most = min(MOST, linear.size) // BLOCK - 1
-    space, blocks = _Krylov(linear, shift), min(BLOCKS, most)
-    space.grow(blocks)
-    found, done = space.ritz(radius)
+    blocks = min(BLOCKS, most)
+    found, done = grow(blocks)
     while blocks < most:
         more = min(blocks // 2, most - blocks)
-        space.grow(more)
+        before, (found, done) = (found.values.size, done), grow(more)
         blocks += more
-        before, (found, done) = (found.values.size, done), space.ritz(radius)
         if before == (found.values.size, True) and done:
             break
     return found, done

@@ -53,8 +53,8 @@ class FrequencyResponse:
         residual: |(i w - J) x - b| / |b| (n_f,).
         mesh_turning: Frequency [Hz] at which the drive would swing as a whole on the polygon of
             links; its stiffness is removed from the response, in which the drive turns freely. 0
-            where a pulley's motion is prescribed or the phases of the mesh average it out; NaN if
-            it could not be determined and is not removed.
+            of an ALE belt, where a pulley's motion is prescribed, or the phases of the mesh average
+            it out; NaN if it could not be determined and is not removed.
         phases: Phases of the mesh of a running belt that the response is the mean over.
         params: The drive.
     """
