@@ -215,7 +215,7 @@
   X(double, mean_tension, "of the belt at rest, in closed form: on fine links, laid freely [N]")   \
   X(double, mesh_strain, "what tangent links, longer than the arcs they span, add to the strain")  \
   X(double, contact_strain, "what its sinking into the pulleys takes off the strain at rest")      \
-  X(double, spectral_bound, "closed-form |lambda|max of the joints [1/s]")                         \
+  X(double, spectral_bound, "bound of eigenvalues of joints, without what touches [1/s]")          \
   X(double, drag_speed, "rim speed within which Coulomb drag changes its sign, v_0 [m/s]")
 
 /* Numbers of a mount, 0 of one that is prescribed, and of a coupling as they act, given or chosen:
@@ -305,7 +305,7 @@
   X(long, searches, "rebuilds of the list of links that can touch a pulley")                       \
   X(double, smallest_step, "smallest accepted step [s]")                                           \
   X(double, largest_step, "largest accepted step [s]")                                             \
-  X(double, spectral_bound, "closed-form bound of the joints' eigenvalues [1/s]")                  \
+  X(double, spectral_bound, "bound of the eigenvalues of joints that touch nothing [1/s]")         \
   X(double, local_error, "largest local error of a step, in the units of rtol")                    \
   X(double, balance, "largest residual of the energy balance, over the energy transmitted")        \
   X(double, growth, "rate at which a small difference was seen to grow [1/s]; 0: none was")        \

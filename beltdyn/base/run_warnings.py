@@ -38,7 +38,8 @@ class RunWarning:
         strain        the strain at rest is above 3 %: a longer belt
         compliance *  the belt sinks into a pulley by more than 0.5 % of its radius: stiffer contact
         long_links *  links longer than half a radius, or hardly one on a wrap: more links
-        near_limit *  of an ALE belt: a wrap or span hardly longer than its bent ends: mesh "joint"
+        near_limit *  of an ALE belt: a wrap or span hardly longer than its bent ends, a span much
+                      heavier than both pulleys at its ends: mesh "joint"
         tensioning    of an ALE belt: it begins without what tensioning asks for: mesh "joint"
         units         implausible values: were data given in mm, kN, g/m, N mm, percent, degrees?
 

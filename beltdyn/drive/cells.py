@@ -148,8 +148,7 @@ def trusted(params: Drive, speed: float) -> float:
     number = 1 + (int(amiss[0]) if amiss.size else modes)
     longest = float(np.max(params.route.spans))
     across = NEAR * number * math.pi * wave * slower
-    stretches = math.sqrt(params.belt.axial_stiffness / params.belt.linear_density)
-    return (min(across, ALONG * stretches) if params.info["n_along"] else across) / longest
+    return (min(across, ALONG * _along(params)) if params.info["n_along"] else across) / longest
 
 
 def modes_off(share: float, modes: int) -> Array:
@@ -210,6 +209,41 @@ def limits(params: Drive) -> Iterator[RunWarning]:
                 where=params.label(k),
                 accuracy=True,
             )
+    yield from _pairs(params)
+
+
+def _pairs(params: Drive) -> Iterator[RunWarning]:
+    """Warn of a span as heavy as both pulleys at its ends, which swing against each other on it.
+
+    Two half waves stand on it then, which it does not have: of equal pulleys of the mass m on spans
+    of the mass M, (w S / 2 c)^2 = M / (m + M / 3) in place of x tan x = M / m with x = w S / 2 c.
+    """
+    density, radii, spans = params.belt.linear_density, params._radii, params.route.spans
+    rims = np.array([pulley.inertia for pulley in params.pulleys]) / radii**2
+    rims += density * _arcs(params)
+    share = density * spans / np.maximum(rims, np.roll(rims, -1))
+    k = int(np.argmax(share))
+    most, x = float(share[k]), 1.0
+    if len(rims) < 2 or most < 1.0:  # less than 0.7 %
+        return
+    for _ in range(50):  # each leaves 0.6 of what the one before did, or less
+        x = math.atan(most / x)
+    amiss = math.sqrt(most / (1.0 + most / 3.0)) / x - 1.0
+    if amiss > AMISS:
+        yield RunWarning(
+            code="near_limit",
+            text=f"the span that follows {params.label(k)} weighs {most:.2g} times what pulleys at "
+            "its ends do with belt on them: where they swing against each other along it, at "
+            f"{x / math.pi * _along(params) / spans[k]:.3g} Hz, they are {percent(amiss)} too fast "
+            'and soon out of step; "joint" holds',
+            where=params.label(k),
+            accuracy=True,
+        )
+
+
+def _along(params: Drive) -> float:
+    """Return the speed of waves along the belt, sqrt(EA / rho A) [m/s]."""
+    return math.sqrt(params.belt.axial_stiffness / params.belt.linear_density)
 
 
 def seen(

@@ -173,9 +173,10 @@ class Drive:
         ``link_length`` [m], ``path_length`` of the belt line [m], ``strain`` of the belt on it and
         ``strain_tension`` [N], EA times that, the scale of forces; ``mesh_strain`` and
         ``contact_strain``, which the mesh adds and the contact takes off; ``spectral_bound``, the
-        highest joint frequency [1/s]; and ``mean_tension`` [N], that of the settled belt. The belt
-        is settled for it when it is first asked for, as ``tensioning`` says; if it does not come to
-        rest, the closed form stands there.
+        highest frequency of joints that touch nothing [1/s] (stiff contact raises it on pulleys as
+        small as links: step limits count that); and ``mean_tension`` [N], that of the settled belt.
+        The belt is settled for it when it is first asked for, as ``tensioning`` says; if it does
+        not come to rest, the closed form stands there.
         """
         return preload.Info(self._model.info, lambda: self._rest_tension)
 
