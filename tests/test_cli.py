@@ -155,7 +155,7 @@ def test_bad_input_is_named_in_one_line(tmp_path: Path) -> None:
         (("accuracy", *RUN[1:], "--error", "-1"), ["error must be > 0"]),
         (("rum",), ["No such command 'rum' (did you mean 'run'?)"]),
         ((*RUN, "--t-end"), ["--t-end"]),
-        ((*RUN, "--outputs", "tension"), ["there is no 'tension', there are"]),
+        ((*RUN, "--outputs", "tension"), ["there is no 'tension' (did you mean 'span_tension'?)"]),
         ((*RUN, "--outputs", "belt", "--plot", "a.png"), ["leave --outputs out"]),
         ((*RUN, "--outputs", "belt", "--animate", "a.gif"), ["leave --outputs out"]),
         (("run",), []),

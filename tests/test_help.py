@@ -81,6 +81,8 @@ def test_misspelt_arguments_are_answered_with_one_that_there_is() -> None:
             r"parts of a scene: write \*scene$",
         ),
         (lambda: bd.settle(params=None, frict=True), r"'frict' \(did you mean 'friction'\?\)"),
+        (lambda: bd.settle(params=None, tol=1.0), r"'tol' \(did you mean 'tolerance'\?\)"),
+        (lambda: bd.Coulomb(mu_k=0.5), r"mu_k: unknown field \(did you mean 'mu'\?\)"),
         (lambda: bd.identify(fre=1), r"identify\(\) got .* 'fre' \(did you mean 'free'\?\)"),
         (
             lambda: result.report(begin=0.1),

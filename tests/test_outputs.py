@@ -176,9 +176,10 @@ def test_names_are_checked_before_anything_runs(monkeypatch: pytest.MonkeyPatch)
         ("pulleys", TypeError, r"^outputs must be a tuple .* write \('pulleys',\)$"),
         (3, TypeError, "^outputs must be a tuple of names or None, got int$"),
         ((3,), TypeError, "^outputs must be names, got 3$"),
-        (("joint",), ValueError, "^outputs: there is no 'joint', there are .*joints.*force"),
-        (("joints.mu",), ValueError, "^outputs: there is no 'joints.mu', there are "),
-        (("energy.drive",), ValueError, "there is no 'energy.drive', .*\"energy\";"),
+        (("joint",), ValueError, r"no 'joint' \(did you mean 'joints'\?\), there .*joints.*force"),
+        (("joints.mu",), ValueError, "^outputs: there is no 'joints.mu'.*, there are "),
+        (("omega",), ValueError, r"no 'omega' \(did you mean 'pulleys.omega'\?\), there are "),
+        (("energy.drive",), ValueError, "there is no 'energy.drive' .*, .*\"energy\";"),
         (("energy",), ValueError, '^outputs asks for "energy", .* ledger=False'),
     ]
     for names, error, words in wrong:

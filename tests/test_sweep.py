@@ -414,6 +414,7 @@ def test_a_table_has_units_and_texts_and_comes_back_from_a_file(tmp_path: Any) -
 BAD_NAMES: list[tuple[Any, str]] = [
     ({"belt.lenght": [1.2]}, "did you mean 'belt.length'"),
     ({"belt.EA": [1e4]}, "did you mean 'belt.axial_stiffness'"),
+    ({"preload": [1.0]}, "did you mean 'belt.preload'"),
     ({"pulleys[pump].inertia": [1.0]}, "no pulley is called 'pump'"),
     ({"torque[2].scale": [1.0]}, "2 part"),
     ({"torque[1].linear": [1.0]}, "not 'linear'"),

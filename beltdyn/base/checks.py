@@ -92,6 +92,10 @@ _OTHER_WORDS = {
     "most": "max maximum highest peak",
     "mean": "average avg",
     "final": "last end",
+    "mu": "mu_k friction_coefficient",
+    "mu_k": "friction_coefficient",
+    "tolerance": "tol rtol",
+    "direction": "axis",
 }
 
 
@@ -104,7 +108,8 @@ def close_to(name: str, known: Iterable[str]) -> str:
             return f" (did you mean {by_lower[meant]!r}?)"
 
     def likeness(one: str) -> float:
-        return difflib.SequenceMatcher(None, one, name.lower()).ratio()
+        alike = difflib.SequenceMatcher(None, one, name.lower()).ratio()
+        return max(alike, 0.9) if one.endswith(f".{name.lower()}") else alike  # "pulleys.omega"
 
     best = max(by_lower, key=likeness, default="")  # the first of equals: a field that must be
     return f" (did you mean {by_lower[best]!r}?)" if best and likeness(best) >= 0.6 else ""

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..base.checks import close_to
 from ..base.naming import index_of
+from .friction import Dahl
 from .params import Params
 from .parts import Belt, Contact, Pulley
 from .rules import Rule
@@ -60,8 +61,11 @@ def check_name(name: object) -> None:
     steps = [step for step in parse(name) if type(step) is str and step != "*"]
     for kind, field in zip((Params, _PARTS.get(steps[0]) if steps else None), steps, strict=False):
         if kind is not None and field not in fields(kind):
-            known = [str(name).replace(field, one) for one in fields(kind)]
-            raise ValueError(f"no parameter is called {name!r}{close_to(str(name), known)}")
+            there = [str(name).replace(field, one) for one in fields(kind)]
+            if kind is Params:  # the commonest law in place of that of a drive that is not known
+                parts = {"friction": Dahl, "pulleys[*]": Pulley, **_PARTS}
+                there += [f"{part}.{one}" for part, of in parts.items() for one in fields(of)]
+            raise ValueError(f"no parameter is called {name!r}{close_to(str(name), there)}")
 
 
 def with_indices(path: Path, pulleys: Sequence[str]) -> Path:
@@ -104,6 +108,11 @@ def numbers(params: Params) -> list[str]:
     return list(_leaves(params, ""))
 
 
+def known(params: Params) -> list[str]:
+    """List them with those that its belt could have in place of others."""
+    return [*numbers(params), *(f"belt.{field}" for field in fields(Belt))]
+
+
 def _step(node: Any, step: str | int, so_far: str) -> Any:
     if isinstance(step, str):
         if not attrs.has(type(node)) or step not in fields(type(node)):
@@ -131,8 +140,7 @@ def read(params: Params, name: str) -> list[Any]:
         except KeyError:
             if nodes[0] is None:
                 raise ValueError(f"{name}: this drive has no {so_far}") from None
-            known = [*numbers(params), *(f"belt.{field}" for field in fields(Belt))]
-            hint = close_to(name, known)
+            hint = close_to(name, known(params))
             raise ValueError(f"no parameter is called {name!r}{hint}") from None
         so_far += f"[{step}]" if isinstance(step, int) or step == "*" else f".{step}"
         so_far = so_far.lstrip(".")

@@ -313,9 +313,7 @@ def _reader(quantity: str | Read) -> Read:
     match = _QUANTITY.fullmatch(quantity)
     path, column = match.groups() if match else (quantity, None)
     if path not in _QUANTITIES:
-        parts = [one for one in _QUANTITIES if one.endswith(f".{path}")]
-        hint = f" (did you mean {parts[0]!r}?)" if parts else close_to(path, _QUANTITIES)
-        raise ValueError(f"a Result has no {path!r}{hint}")
+        raise ValueError(f"a Result has no {path!r}{close_to(path, _QUANTITIES)}")
 
     def read(result: Result) -> Array:
         values = result._history(path)

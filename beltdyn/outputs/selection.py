@@ -6,6 +6,7 @@ from collections.abc import Collection
 from typing import Any
 
 from .. import _core
+from ..base.checks import close_to
 from .histories import GROUPS, absent
 from .quantity import LEDGER, QUANTITIES, SPANS
 
@@ -56,7 +57,8 @@ def chosen(outputs: object, ledger: bool, lacks: Collection[str] = ()) -> tuple[
         if not isinstance(name, str):
             raise TypeError(f"outputs must be names, got {name!r}")
         if name not in known and name not in every:
-            raise ValueError(f"outputs: there is no {name!r}, there are {_listed()}")
+            hint = close_to(name, (*known, *every))
+            raise ValueError(f"outputs: there is no {name!r}{hint}, there are {_listed()}")
         if name in lacks:
             raise ValueError(f"outputs: {name!r} is nothing that this belt has; {absent(name)}")
         asked.update(known.get(name, (name,)))

@@ -17,7 +17,7 @@ import numpy as np
 from ..base.checks import close_to, real
 from ..base.naming import label
 from ..base.run_options import USUAL, Options
-from ..drive.parameters import Path, assign, fields, numbers, parse, read, rule_of, with_indices
+from ..drive.parameters import Path, assign, fields, known, parse, read, rule_of, with_indices
 from ..drive.scene import Scene
 from ..loads.motions import CrankMotion, Motion, as_motions
 from ..loads.torques import Torque, TorqueSum
@@ -62,8 +62,8 @@ def find(scene: Scene, name: object) -> Named:
         _check_load(scene, str(name), root, path[1:])
         return Named(root, path[1:])
     if root not in fields(type(scene.params)):
-        known = [*numbers(scene.params), "torque.scale", "motion.scale", "t_end", *OPTIONS]
-        raise ValueError(f"nothing is called {name!r}{close_to(str(name), known)}")
+        there = [*known(scene.params), "torque.scale", "motion.scale", "t_end", *OPTIONS]
+        raise ValueError(f"nothing is called {name!r}{close_to(str(name), there)}")
     read(scene.params, str(name))
     return Named("params", path)
 

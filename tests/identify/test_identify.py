@@ -584,6 +584,7 @@ def test_bad_arguments(rig: bd.Params, targets: list[bd.Target], experiment: bd.
     twice = [experiment.curve("slip[1]", [0.01], [0.0], sigma=1.0) for _ in range(2)]
     rows: list[tuple[dict[str, Any], type[Exception], str]] = [
         ({"free": ["belt.axial_stifness"]}, ValueError, "did you mean 'belt.axial_stiffness'"),
+        ({"free": ["mu_k"]}, ValueError, "did you mean 'friction.mu_k'"),
         ({"free": ["friction.mu_kk"]}, ValueError, "did you mean 'friction.mu_k'"),
         ({"free": ["pulleys[2].inertia"]}, ValueError, r"pulleys has 2 entries"),
         ({"free": ["belt.n_bodies"]}, ValueError, "cannot be free: it is not a real number"),
