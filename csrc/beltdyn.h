@@ -86,7 +86,7 @@ enum { BD_MESH_PAPER, BD_MESH_JOINT, BD_MESH_ALE };
  * no bending; a string where there is no bending and the mesh is BD_MESH_JOINT, else links. */
 enum { BD_BELT_AUTO, BD_BELT_LINKS, BD_BELT_STRING };
 
-/* The belt models that there are, and what is told of one. */
+/* The belt models that there are, and the facts of one. */
 enum {
 #define X(symbol) BD_BELT_MODEL_##symbol,
   BD_BELTS(X)

@@ -110,7 +110,7 @@
  * open, the last that its mesh and its bending allow. */
 #define BD_BELTS(X) X(joint) X(string) X(paper) X(ale)
 
-/* What is told of them, texts and facts, by those who ask: X(type, name, text). */
+/* Their texts and facts, for those who ask: X(type, name, text). */
 #define BD_BELT_TEXTS(X)                                                                           \
   X(name, "of the row")                                                                            \
   X(text, "what its nodes are, and where they meet the pulleys")                                   \
@@ -176,16 +176,17 @@
   X(SLIP, slip, SLOTS, NONE, "m", "slip displacement since contact began")                         \
   X(THETA, theta, PULLEYS, TURN, "rad", "rotation angle of the pulley")                            \
   X(OMEGA, omega, PULLEYS, SPIN, "rad/s", "angular velocity of the pulley")                        \
-  X(TRAVEL, travel, MOUNTS, TURN, "rad or m", "of a mount from its place, q; of a path the time")  \
+  X(TRAVEL, travel, MOUNTS, TURN, "rad or m",                                                      \
+    "travel from a mount's place, q; of a path the time")                                          \
   X(TRAVEL_SPEED, travel_speed, MOUNTS, SPIN, "rad/s or m/s", "rate of the travel")                \
   X(MOUNT_FRICTION, mount_friction, MOUNTS, GRIP, "1", "share of a mount's friction that acts")    \
   X(RIM_ANGLE, rim_angle, COUPLINGS, TURN, "rad", "angle of a coupled rim, or a damper's ring")    \
   X(RIM_SPEED, rim_speed, COUPLINGS, SPIN, "rad/s", "speed of a coupled rim, or a damper's ring")  \
-  X(WINDUP, windup, COUPLINGS, WINDUP, "rad", "of a coupling, rim against hub, z")                 \
+  X(WINDUP, windup, COUPLINGS, WINDUP, "rad", "windup of a coupling, rim against hub, z")          \
   X(A, a, MODES, NONE, "m", "amplitudes of the spans' sine modes, span after span")                \
-  X(P, p, MODES, NONE, "m/s", "of their velocities, with those of the axes")                       \
+  X(P, p, MODES, NONE, "m/s", "amplitudes of their velocities, with those of the axes")            \
   X(ALONG, along, ALONG, NONE, "m", "amplitude of a sine wave along each span")                    \
-  X(ALONG_SPEED, along_speed, ALONG, NONE, "m/s", "of its velocity, with those of its ends")
+  X(ALONG_SPEED, along_speed, ALONG, NONE, "m/s", "amplitude of its speed, with that of its ends")
 
 /* What a model knows of itself: X(type, name, text). */
 #define BD_INFO(X)                                                                                 \
@@ -351,7 +352,7 @@
   X(BD_ERR_STALLED, RUN, "the steps are too short to reach the end; not with max_steps")           \
   X(BD_ERR_FIXED_STEP, RUN, "the error of a fixed step is many times a joint's stretch")           \
   X(BD_ERR_MAX_STEPS, RUN, "the limit max_steps was reached")                                      \
-  X(BD_ERR_INVARIANT, RUN, "the state at the end is none a drive can have: please report it")      \
+  X(BD_ERR_INVARIANT, RUN, "the final state is impossible for a drive: please report it")          \
   X(BD_ERR_NOT_SETTLED, RUN, "settling only: the belt did not come to rest, or came off")
 
 #endif

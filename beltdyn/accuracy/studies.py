@@ -204,9 +204,9 @@ def study(
 def quick(scene: Scene) -> tuple[Scene, dict[str, Any]]:
     """Return a scene and keywords for a short :func:`study`: a first impression.
 
-    Half the links of the scene and, unless that takes long, all of them, tolerances from 0.1 to
-    0.001, and of a run that takes long the beginning, so that all takes some 15 s of CPU time. One
-    run measures what runs cost.
+    It has half the links of the scene and, unless that takes long, all of them, tolerances from 0.1
+    to 0.001, and only the beginning of a run that takes long: some 15 s of CPU time in all,
+    estimated from one run.
 
     Raises:
         TypeError, ValueError: It is no scene that can be run.

@@ -52,11 +52,11 @@ class RunWarning:
         full_slip     a pulley slips over its whole wrap: more preload, or less torque
         slack_span *  a span without tension: the same; the error is unknown then
         units         a torque far beyond what the belt can transmit: was it given in N mm?
-        near_slack *  of an ALE belt: a span presses on pulleys by a tenth of the tension at rest
-        span_modes *  of an ALE belt: it runs so fast that its lateral vibrations are off
+        near_slack *  of an ALE belt: a span presses on pulleys with a tenth of the tension at rest
+        span_modes *  of an ALE belt: it runs so fast that its lateral vibrations are inaccurate
         steep_span *  of an ALE belt: a span swings by more than a slope of 0.1
         squeal *      of an ALE belt: friction makes vibrations on a hardly damped contact grow,
-                      which it has none of: more ``contact.damping``, or mesh "joint"
+                      which it leaves out: more ``contact.damping``, or mesh "joint"
         never_drives  an overrunning clutch is free, or brakes what it is to drive, under a rim that
                       turns the other way than it drives: is ``clockwise`` right?
 

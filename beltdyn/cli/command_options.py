@@ -53,7 +53,7 @@ _SHARED = {
     "mesh": option(
         "mesh",
         click.Choice(MESHES),
-        "The belt on this mesh in place of the scene's; the cells of ale are chosen.",
+        "Mesh of the belt, instead of the scene's; of ale the number of cells is chosen.",
     ),
     "out": option(
         "out",
@@ -66,7 +66,7 @@ _SHARED = {
     "last": option(
         "last",
         float,
-        "The share of the run, from its end, that the report is of: 0.2 is the last fifth.",
+        "Part of the run, from its end, that the report covers: 0.2 is the last fifth.",
         0.2,
     ),
     "full": option("full", bool, "Print all of the report, not its first screen."),

@@ -142,10 +142,10 @@ def show(asked: Asked) -> None:
     "mesh out plot animate method rtol step t_end",
     option("verify", bool, "Run again, finer, on other meshes: print the errors."),
     option("error", float, "Choose method, rtol and n_bodies for this error, 0.01: 1 %."),
-    option("quantity", click.Choice(QUANTITIES), "What --error is the error of.", "tension"),
-    option("budget", float, "Choose the most accurate of them for this CPU time [s]."),
+    option("quantity", click.Choice(QUANTITIES), "Quantity whose error --error is.", "tension"),
+    option("budget", float, "Choose those that are most accurate for this CPU time [s]."),
     option(
-        "outputs", str, "What to compute and keep, by comma: pulleys,span_tension,joints.force."
+        "outputs", str, "What to compute and keep, with commas: pulleys,span_tension,joints.force."
     ),
     "last",
     option(
@@ -170,7 +170,7 @@ def run(asked: Asked) -> None:
     outputs = asked.outputs
     if outputs is not None:
         outputs = tuple(filter(None, map(str.strip, outputs.split(","))))
-    suggestion, told = None, None
+    suggestion, hard = None, None
     chosen = {name: getattr(asked, name) for name in (*BY_BUDGET, "budget")}
     with reported("read" if asked.checkpoint is None else "read or write"):
         if asked.checkpoint is not None:
@@ -180,9 +180,9 @@ def run(asked: Asked) -> None:
         if asked.t_end is not None:
             found = found._replace(t_end=asked.t_end)
         if isinstance(found, HardScene):
-            told = found
+            hard = found
             chosen |= _of_hard(asked, found)
-        with running(asked, asked.checkpoint, lambda: found.params, told):
+        with running(asked, asked.checkpoint, lambda: found.params, hard):
             if isinstance(found, HardScene):
                 chosen["initial"] = found.initial()
             if asked.error is not None:
@@ -203,9 +203,9 @@ def run(asked: Asked) -> None:
     if asked.budget is not None:
         before = f"{fill('Chosen for' + result.message.partition('; chosen for')[2], 88)}.\n\n"
     after = ""
-    if told is not None and not asked.quiet:
-        off = told.deviation(result) if outputs is None and suggestion is None else None
-        after = f"\n{told.told}{_kept(off)}\n"
+    if hard is not None and not asked.quiet:
+        off = hard.deviation(result) if outputs is None and suggestion is None else None
+        after = f"\n{hard.told}{_kept(off)}\n"
     finish(asked, asked.scene, result, asked.checkpoint, before, after)
 
 
@@ -266,8 +266,8 @@ def _check_together(asked: Asked) -> None:
 def resume_run(asked: Asked) -> None:
     """Go on with the run in FILE, which `beltdyn run --checkpoint FILE` wrote, as if not stopped.
 
-    The result is that of the whole run, the same bit for bit; of a run that had finished it is
-    given again. FILE is written on, so that this may be killed as well.
+    The result is that of the whole run, the same bit for bit; that of a finished run is read again.
+    FILE goes on being written, so that this may be killed as well.
     """
     file = asked.file
     with reported():
@@ -294,7 +294,7 @@ def resume_run(asked: Asked) -> None:
     option("error", float, "Error to mark.", 1e-2),
     option("out", PATH, "Write all runs here (.csv)."),
     option("plot", PATH, "Write a figure here."),
-    option("store", PATH, "Folder that keeps runs; those there are not repeated."),
+    option("store", PATH, "Folder that keeps runs; those found there are not repeated."),
     option("quick", bool, "Fewer meshes and tolerances, the beginning of long runs."),
     "quiet",
 )

@@ -18,7 +18,7 @@ from .written import check_figure, check_writable
 @click.command("figures")
 @options(
     option("out", PATH, "Folder to write to; made if it is not there.", required=True),
-    option("format", str, "Kinds of file, by comma.", "png,pdf"),
+    option("format", str, "Kinds of files, with commas.", "png,pdf"),
     option(
         "size",
         click.Choice(["notebook", "print"]),

@@ -84,7 +84,7 @@ def sweep_scene(asked: Asked) -> None:
         _print(swept, time.monotonic() - begun)
         click.echo(f"written: {asked.out}")
     if not swept.counts.get("finished", 0):
-        stop("no run finished; message in the file tells why of each", FAILED)
+        stop("no run finished; message in the file says why", FAILED)
 
 
 def _executor(workers: int | None, scheduler: str | None) -> Any:

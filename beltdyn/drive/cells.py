@@ -215,7 +215,8 @@ def limits(params: Drive) -> Iterator[RunWarning]:
 def _pairs(params: Drive) -> Iterator[RunWarning]:
     """Warn of a span as heavy as both pulleys at its ends, which swing against each other on it."""
     # Two half waves stand on it then, which it does not have: of equal pulleys of the mass m on
-    # spans of the mass M, (w S / 2 c)^2 = M / (m + M / 3) in place of x tan x = M / m, x = w S / 2 c.
+    # spans of the mass M, (w S / 2 c)^2 = M / (m + M / 3) in place of x tan x = M / m with
+    # x = w S / 2 c.
     density, radii, spans = params.belt.linear_density, params._radii, params.route.spans
     rims = np.array([pulley.inertia for pulley in params.pulleys]) / radii**2
     rims += density * _arcs(params)

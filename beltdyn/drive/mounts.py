@@ -76,7 +76,7 @@ def _stops_in_order(mount: Sprung, _field: object, stops: Stops) -> None:
 
 
 def _given_by(guide: Rule, free: str, unit: str) -> tuple[Rule, ...]:
-    """Return the rules of what the core is told in other numbers."""
+    """Return the rules of fields that reach the core as other numbers."""
     held = "tension of the belt that it holds in the place of the drive"
     return (
         guide,

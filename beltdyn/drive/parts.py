@@ -69,9 +69,9 @@ class Belt(Printable):
             links' centres, the paper's own, which needs eight to sixteen times as many links; or
             "ale" (arbitrary Lagrangian-Eulerian): the belt flows through cells that stand where the
             pulleys are. No links land, so step sizes do not depend on the speed: use it for fast
-            belts, long runs, spectra and creep. A span is one cell and vibrates in its lowest sine
-            modes (``result.spans.deflection``), where it weighs as much as its pulleys resist in
-            one along itself, too; an arc has some ten cells. Quantities that follow a
+            belts, long runs, spectra and creep. A span is one cell, which vibrates in its lowest
+            sine modes (``result.spans.deflection``), and along itself in one where its mass counts
+            against the inertia of its pulleys; an arc has some ten cells. Quantities that follow a
             point of the belt, such as ``contact.slip``, are not available; ``belt.passed`` is how
             far the belt has run. Not for slack spans, for wraps and spans hardly longer than
             sqrt(EI/T), over which bending decays, nor for belts as fast as their waves: these are

@@ -146,13 +146,14 @@ def explain(
     plus twice the runs' own error, which is measured with a run at a tenth of the tolerance. If
     not, a shorter window ranks the effects.
 
-    What may go together, at the error asked for, 2, 5 and 10 times that, is then left out of as
-    much of the run as the budget allows; changes in a part of the run bound those in the rest by
-    four times their size, times the ratio of late to early changes in that part. This is also the
-    bound stated for other runs like the one that is explained, longer ones too. There is none where
-    the run without an effect has a warning of its accuracy that the run with it has not. An effect
-    that did nothing in the window is named as not exercised: nothing follows for other runs, as
-    with all that begins to act only after the window. What would cost more steps is kept.
+    What may be left out together, at the error asked for, 2, 5 and 10 times that, is then left out
+    of as much of the run as the budget allows; changes in a part of the run bound those in the rest
+    by four times their size, times the ratio of late to early changes in that part. This is also
+    the bound stated for other runs like the one that is explained, longer ones too. There is none
+    where the run without an effect has a warning of its accuracy that the run with it has not. An
+    effect that did nothing in the window is marked as not exercised: nothing follows for other
+    runs, nor for effects that begin to act only after the window. What would cost more steps is
+    kept.
 
     All runs begin as those of :func:`beltdyn.simulate` do, each of its own drive: at rest under
     preload, or at the speed with which a motion begins. Where the belt's length is found for its
@@ -246,9 +247,9 @@ def _effects_text(effects: Sequence[Effect]) -> list[str]:
     zero = [name for effect in effects if effect.on for name in effect.zero]
     off = [effect.name for effect in effects if not effect.on]
     if zero:
-        lines += ["Off, for their numbers are 0", *_wrapped(", ".join(dict.fromkeys(zero)), 2)]
+        lines += ["Off: their numbers are 0", *_wrapped(", ".join(dict.fromkeys(zero)), 2)]
     if off:
-        lines += ["Off, for nothing calls for them", *_wrapped(", ".join(off), 2)]
+        lines += ["Off: nothing in the scene calls for them", *_wrapped(", ".join(off), 2)]
     return lines
 
 

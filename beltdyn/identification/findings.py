@@ -83,7 +83,7 @@ class Identification:
         message: How it ended, in words.
         mesh: How far each parameter would move on an infinitely fine mesh, by name and in the unit
             of :attr:`std`, from a run with twice the links; None: not known.
-        mesh_message: Why not.
+        mesh_message: Why ``mesh`` is not known.
         ends: Coordinates of where each search ended (n_searches, n_free), the best first.
         tried: Coordinates of all points simulated (n_tried, n_free).
         excess: By how much twice the negative logarithm of their likelihood exceeds that of the

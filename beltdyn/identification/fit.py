@@ -126,17 +126,17 @@ def identify(
         print(found)
 
     Links that make and lose contact give the sum of squares many minima. So the search is repeated
-    from the best of some points spread by a factor of 2 to either side, the ends of its intervals
-    and places far beyond them are tried, and it goes on wherever one of them fits better; at last
-    from the best fit with the parameter of which least is known changed by a factor of 2.
+    from the best of some points spread by a factor of 2 to either side. The ends of its intervals
+    and points far beyond them are tried, and the search goes on from any that fits better; finally
+    from the best fit with the least known parameter changed by a factor of 2.
 
-    The result has values, confidence intervals, the sensitivity of every number to every
-    parameter, and lists the parameters that the data cannot distinguish. Intervals are those of
-    the linearised problem, and hold all points tried that fit as well: in tests on a coarse belt,
-    intervals of 95 % held the true value in 91 to 94 % of the draws. They are wider by what the
-    fit would move on a mesh of twice the links (``found.mesh``). Curves whose residuals are not
-    those of independent noise are named (``found.structured``), and a fit that none of the other
-    searches found (``found.confirmed``); then no interval is to be trusted.
+    The result has values, confidence intervals, the sensitivity of every number to every parameter,
+    and lists the parameters that the data cannot distinguish. Intervals are those of the linearised
+    problem, and hold all points tried that fit as well: in tests on a coarse belt, those of 95 %
+    held the true value in 91 to 94 % of the draws. They are widened by how far the fit would move
+    on a mesh of twice the links (``found.mesh``). Trust no interval where ``found.structured``
+    names curves, whose residuals are not those of independent noise, or where ``found.confirmed``
+    is False, as no other search found the fit.
 
     A target without ``sigma`` is taken to be measured with one unknown standard deviation; it is
     estimated from the residuals, with the freedom the fitted parameters take away, and the search

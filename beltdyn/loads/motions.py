@@ -216,7 +216,7 @@ class Motion:
 
     ``Motion(angle=lambda t: 0.1 * math.sin(50.0 * t))``. Functions are called with a time within
     the run and return a number. They must depend on time alone, as they are called several times
-    around each time, and be smooth but at the run's ``breakpoints``: their derivatives, which the
+    near each time, and be smooth but at the run's ``breakpoints``: their derivatives, which the
     torque needs, are differences over 0.3 ms.
 
     Attributes:

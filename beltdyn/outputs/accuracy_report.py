@@ -45,8 +45,8 @@ class QuantityError:
 
     Attributes:
         quantity: One of ``beltdyn.accuracy.QUANTITIES``.
-        time: Error of the integration in time; ``1e-6`` stands for anything below.
-        space: Error of the mesh; ``1e-4`` stands for anything below.
+        time: Error of the integration in time; ``1e-6``: 1e-6 or less.
+        space: Error of the mesh; ``1e-4``: 1e-4 or less.
         order: Observed order p: the error of the mesh falls as 1/n_bodies^p. None where meshes
             differ without a trend, as where links that run on to the pulleys are most of the error.
         compliance: Effect of the compliance of the contact, against rigid pulleys.
@@ -90,8 +90,8 @@ class Accuracy:
         errors: Errors by quantity; ``accuracy["creep"]`` is one of them.
         until: Time after which histories of two runs diverge exponentially [s]: they were compared
             up to there; beyond it only means can be right. None: they do not diverge.
-        local_error: Largest *local* error of a step (``stats.local_error``): what the error
-            control keeps, not the error of the result.
+        local_error: Largest *local* error of a step (``stats.local_error``): what the error control
+            bounds, not the error of the result.
         balance: Largest residual of the energy balance over the energy transmitted.
         runs: The runs that verified this one, in words.
         notes: What was not verified, and why; observations without consequence.
@@ -165,14 +165,14 @@ class Accuracy:
             else:
                 name += f" (of the mesh {_share(one.space, 0.0)})" if _large(one) else ""
                 unknown["of" if one.space is None else "in time of"].append(name)
-        told = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
+        sentence = f"Errors, {'measured' if self.verified else 'estimated'}: {', '.join(known)}"
         if any(one.total is not None for one in self.errors if one.quantity in TENSIONS):
-            told += " (of time, mesh and contact together; tensions: of the mean of all spans)"
+            sentence += " (of time, mesh and contact together; tensions: of the mean of all spans)"
         names = ", ".join(f"{part} {', '.join(some)}" for part, some in unknown.items() if some)
         if not names:
-            return f"{told}."
+            return f"{sentence}."
         how = "" if self.verified else " (verify=True measures them)"
-        return f"{told}{'; ' if known else ''}not known {names}{how}."
+        return f"{sentence}{'; ' if known else ''}not known {names}{how}."
 
     def table(self) -> list[tuple[str, ...]]:
         """Return the errors as rows of text, the heading first."""

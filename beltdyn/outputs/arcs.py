@@ -39,12 +39,12 @@ _BLOCK = 2_000_000
 class Arcs:
     """Where the belt lies on the pulleys, and where it slips on them, each (n_t, n_p) [rad].
 
-    A link, or joint, that touches a pulley stands for half the angle to its neighbours on both
+    A link, or joint, that touches a pulley counts for half the angle to its neighbours on both
     sides, seen from the axis. With contact along the links the two joints at each end of a wrap
-    stand for less, in proportion to their normal forces: a wrap of five links and more is right to
+    count for less, in proportion to their normal forces: a wrap of five links and more is right to
     a fraction of a link. On the mesh of the paper it is right to half a link at each end, as is the
-    boundary of stick and slip on any; means over some passing links are better. The cells of an ALE
-    belt stand for their own angles, and the boundary is found between their middles.
+    boundary of stick and slip on any; means over some passing links are better. Each cell of an ALE
+    belt counts for its own angle, and the boundary is found between their middles.
 
     A link slips if its friction is at least 95 % of that in full slip at its slip velocity, |F| >=
     0.95 mu N; a law with a state needs some slip to get there. A law without one (``Coulomb``,

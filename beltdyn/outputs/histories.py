@@ -256,7 +256,7 @@ class EnergyLedger(Group):
         return cls(**named, passed=np.maximum.accumulate(scale))
 
 
-#: What Python counts and tells of a run besides the core.
+#: What Python adds to the counters of the core.
 _OF_PYTHON = {
     "method": 'integration method used; "auto" if the run changed between two',
     "choice": "why that one, or what share each of the two had",
@@ -282,22 +282,22 @@ class Stats:
     the end of the run.
 
     ``error`` is the root mean square over joints and time; not that of the mesh, mostly the larger
-    one, which ``result.accuracy`` has. How good: on the paper's mesh within a factor of five of the
-    true error, mostly above it, in 98 of 100 random drives; else up to forty times too large, where
-    a few steps have the largest local errors. From what: the larger of ``local_error`` and, with
-    the ledger, of ``balance``, each times a factor that was measured (``csrc/run/driver.c``); times
-    the growth of differences, if they grew, times what bounces of mounts on stops add, and of
-    "lbdf2" and "lie", whose errors add up, times the root of the length of a long run. None for
-    fixed steps, histories that diverge, links that vibrate on their contact hardly damped or
-    chatter while nothing shows that differences do not grow, torque functions that change faster
-    than the steps, slack spans. Not in it: what links do as they land and make vibrations that
-    change friction, which long implicit steps damp out: 0.3 % of the tension of the paper's drive
-    near its limit with 60 links, part of the error of such a mesh.
+    one, which ``result.accuracy`` has. It was, on the paper's mesh, within a factor of five of the
+    true error, mostly above it, in 98 of 100 random drives; on other meshes up to forty times too
+    large, where a few steps have the largest local errors. It is computed from the larger of
+    ``local_error`` and, with the ledger, of ``balance``, each times a factor that was measured
+    (``csrc/run/driver.c``); times the growth of differences, if they grew, times what bounces of
+    mounts on stops add, and of "lbdf2" and "lie", whose errors add up, times the root of the length
+    of a long run. None for fixed steps, histories that diverge, links that vibrate on their contact
+    hardly damped or chatter while nothing shows that differences do not grow, torque functions that
+    change faster than the steps, slack spans. It leaves out that links which land cause vibrations
+    that change friction, which long implicit steps damp out: 0.3 % of the tension of the paper's
+    drive near its limit with 60 links, part of the error of such a mesh.
 
     ``rtol`` bounds ``local_error`` where errors are controlled. With fixed steps it is their error,
     of "rk4" that of a formula of order 3, many times its own: from 0.5 on there is a warning, and
-    it is at least 1 if some had to be repeated with shorter ones. None if none was estimated, as in
-    the first steps of "lbdf2" and "lie".
+    it is at least 1 if some steps had to be repeated with shorter ones. None if none was estimated,
+    as in the first steps of "lbdf2" and "lie".
     """
 
     method: str

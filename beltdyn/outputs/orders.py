@@ -38,7 +38,7 @@ class Source:
         kind: "link", "belt" or "pulley".
         frequency: The fundamental [Hz]: the slope of its turns over time in the window, weighted
             with Hann's window as a spectrum is, which is where its line stands. Turns forth and
-            back count against each other: of what only rocks it is 0.
+            back cancel: a pulley that only rocks has 0.
         spread: Change of the frequency in the window, as a share of its mean [1]; what fluctuates
             within a tenth of the window is left out.
         kept: Share of its height that the line of each harmonic keeps, the first one first: 1 at an
@@ -172,9 +172,9 @@ def lines_at(
                 sure = source.kind != "link" or frequency >= SURE * resolution / 1.5
                 name = f"{'' if sure else 'may be '}{source.name} x{k}"
                 names.append((above, off / allowed, name + (", folded" if above else "")))
-    told = [name for _, _, name in sorted(names)]
+    ordered = [name for _, _, name in sorted(names)]
     # what is folded may be anywhere: where something is known to be, that is no guess worth telling
-    guesses = [name for name in told if name.startswith("may be ") and name.endswith(", folded")]
-    if len(guesses) < len(told):
-        told = [name for name in told if name not in guesses]
-    return tuple(told)
+    guesses = [name for name in ordered if name.startswith("may be ") and name.endswith(", folded")]
+    if len(guesses) < len(ordered):
+        ordered = [name for name in ordered if name not in guesses]
+    return tuple(ordered)

@@ -38,8 +38,8 @@ class AlongBelt:
             place (n_t, n_s).
         part: Part of the line that each place is on: the name of a pulley, of a span, "crank to
             idler" (n_s,).
-        wraps: Where the line arrives at each pulley and leaves it (n_p, 2) [m]; that of pulley 0 is
-            the last.
+        wraps: Where the line arrives at each pulley and leaves it (n_p, 2) [m]; pulley 0 is at the
+            end of the line.
         length: Length of the line [m].
     """
 

@@ -127,18 +127,18 @@ class State:
     given; of what a drive does not have arrays are empty: ``x`` to ``vphi`` are of links, ``m``,
     ``v``, ``a`` and ``p`` of the cells and spans of an ALE belt (``Belt(mesh="ale")``), in the
     order of the belt: the span behind pulley 0, the arc of pulley 1, and so on; ``along`` and
-    ``along_speed`` of one whose spans weigh as much as its pulleys resist (MODEL section 11.5), of
-    which a state with none can be the start, too.
-    Across joint 0, between the last link and the first, ``phi`` differs by a whole turn (MODEL
-    section 1).
+    ``along_speed`` of one whose spans are heavy against the inertia of its pulleys (MODEL section
+    11.5), whose runs may start from a state without them, too. Across joint 0, between the last
+    link and the first, ``phi`` differs by a whole turn (MODEL section 1).
 
-    ``mu`` is the friction coefficient of Dahl's law (2.9) [1], its part that the bristles carry of
-    LuGre, the spring's stretch of an elastic/plastic one [m], 0 of laws without a state and off the
-    pulleys. Of a law with several states, such as MaxwellSlip, it has a row for each (n_states,
-    n_b). Where spans are so short that a joint of two links touches both of their pulleys, all rows
-    of one pulley come before those of the other, and ``slip`` has rows, too. ``theta`` and
-    ``omega`` of a pulley with a coupling are those of its hub; what its rim has is in the order of
-    ``params.coupled``, and the windup of a clutch is never negative.
+    ``mu`` is the state of the friction law: of Dahl's the friction coefficient (2.9) [1], of
+    LuGre's the part of it that the bristles carry [1], of an elastic/plastic law the stretch of the
+    spring [m]; 0 of laws without a state and off the pulleys. A law with several states, such as
+    MaxwellSlip, has a row for each (n_states, n_b). Where spans are so short that a joint of two
+    links touches both of their pulleys, all rows of one pulley come before those of the other, and
+    ``slip`` has rows, too. ``theta`` and ``omega`` of a pulley with a coupling are those of its
+    hub; what its rim has is in the order of ``params.coupled``, and the windup of a clutch is never
+    negative.
     """
 
     x: Array = _NONE
@@ -234,9 +234,9 @@ class State:
         """Return the same state with the belt running, and all pulleys turning with it.
 
         The belt circulates along itself at the speed of the pulleys named where it runs on them,
-        and the others turn with it. Positions, angles and friction stay as they are: what a running
-        belt changes by its centrifugal force is not in this state, and develops in a transient.
-        ``settle(params, speed=...)`` gives a belt that runs steadily.
+        and the others turn with it. Positions, angles and friction stay as they are: what the
+        centrifugal force of the running belt changes is not in this state, and develops in a
+        transient. ``settle(params, speed=...)`` returns a belt that runs steadily.
 
         Args:
             params: The drive.

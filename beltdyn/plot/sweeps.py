@@ -51,9 +51,8 @@ def map(
     """Draw a quantity of a sweep by colour over two swept names.
 
     A grid is drawn in cells round its values with contours, runs at random or in a list as points.
-    Runs without a value are hatched cells or crosses, counted by what became of them. Axes are
-    logarithmic where the values are geometric. A text as a value, such as a friction law, has a
-    row or column.
+    Runs without a value are hatched cells or crosses, counted by status. Axes are logarithmic where
+    the values are geometric. A text as a value, such as a friction law, has a row or column.
 
     Args:
         x: Name along the x axis; None: the first that is left, of two.
@@ -223,14 +222,14 @@ def lines(
 ) -> Axes:
     """Draw a quantity of a sweep over a swept name, a line for each value of another.
 
-    Numbers that lines are told apart by are colours, dark to light, with a colour bar; texts have
-    styles and a legend. Where runs have no value the line has a gap and the foot of the picture a
-    mark in its colour; the legend counts them by what became of them. Of a quantity over time each
-    run is a line. Runs at random or in a list are points, as what else varies differs between them.
+    Lines differ by colour, dark to light, with a colour bar where ``by`` has numbers, by style with
+    a legend where it has texts. Where runs have no value the line has a gap and the foot of the
+    picture a mark in its colour; the legend counts them by status. Of a quantity over time each run
+    is a line. Runs at random or in a list are points, as what else varies differs between them.
 
     Args:
         x: Name along the x axis; None: "time" if the quantity has it, else the first that is left.
-        by: What lines are told apart by; None: what is left, if anything.
+        by: Name by whose values lines differ; None: the one that is left, if any.
         **line: For matplotlib's ``plot``.
 
     Raises:
@@ -246,10 +245,10 @@ def lines(
     scale = swept.scale_of(part, along)
     scale.apply(ax, "x")
     part = part.isel({"run" if along not in part.dims else along: scale.order})
-    told = None if apart is None else swept.scale_of(part, apart)
-    texts = told.texts if told else None
-    colour_of, colours = _colours(told)
-    drawn = list(_lines(part[quantity], np.sort(scale.places), along, told))
+    by_scale = None if apart is None else swept.scale_of(part, apart)
+    texts = by_scale.texts if by_scale else None
+    colour_of, colours = _colours(by_scale)
+    drawn = list(_lines(part[quantity], np.sort(scale.places), along, by_scale))
     marked = points or np.unique(scale.places).size <= _MARKED
     for one in drawn:
         look: dict[str, Any] = {"linewidth": 1.2}
@@ -258,8 +257,8 @@ def lines(
         look |= {"linestyle": "none"} if points else {}
         _plot(ax, one.x, one.of(part[quantity]), colour_of(one.rank), look, line)
     style.dress(ax, scale.label, swept.label(part[quantity]))
-    if told and colours:
-        _colour_bar(ax, told, colours)
+    if by_scale and colours:
+        _colour_bar(ax, by_scale, colours)
     handles: list[Artist] = [
         Line2D([], [], label=name, **(style.line_style(k) | {"color": colour_of(k)}))
         for k, name in enumerate(texts or ())
@@ -326,22 +325,22 @@ def _named(part: Any, quantity: str, x: object, by: object) -> tuple[str, str | 
     return str(x), None if by is None else str(by)
 
 
-def _lines(array: Any, x: Array, along: str, told: swept.Scale | None) -> Iterator[_Line]:
-    """Yield the lines; runs at random as one for each value of ``told``."""
-    by, ranks = (told.name, told.ranks) if told else ("", np.zeros(1, dtype=np.intp))
+def _lines(array: Any, x: Array, along: str, by_scale: swept.Scale | None) -> Iterator[_Line]:
+    """Yield the lines; runs at random as one for each value of ``by_scale``."""
+    by, ranks = (by_scale.name, by_scale.ranks) if by_scale else ("", np.zeros(1, dtype=np.intp))
     if along in array.dims:
         others = [str(dim) for dim in array.dims if dim != along]
         for index in np.ndindex(*(array.sizes[dim] for dim in others)):
             which = dict(zip(others, index, strict=True))
             k = which.get(by if by in which else "run", 0)
-            yield _Line(int(ranks[k]) if told else 0, x, which)
+            yield _Line(int(ranks[k]) if by_scale else 0, x, which)
     # x is a coordinate of the runs
-    elif told is None:
+    elif by_scale is None:
         yield _Line(0, x, {})
     elif by in array.dims:
         for k in range(array.sizes[by]):
             yield _Line(int(ranks[k]), x, {by: k})
-    elif told.texts is None and np.unique(ranks).size > _STEPS:
+    elif by_scale.texts is None and np.unique(ranks).size > _STEPS:
         yield _Line(ranks, x, {})
     else:
         for rank in np.unique(ranks):
@@ -349,22 +348,22 @@ def _lines(array: Any, x: Array, along: str, told: swept.Scale | None) -> Iterat
             yield _Line(int(rank), x[there], {"run": there})
 
 
-def _colours(told: swept.Scale | None) -> tuple[Callable[[Any], Any], ScalarMappable | None]:
+def _colours(by_scale: swept.Scale | None) -> tuple[Callable[[Any], Any], ScalarMappable | None]:
     """Return the colour of a rank, and what a colour bar shows: a few values as steps."""
-    if told is None or told.texts is not None:
+    if by_scale is None or by_scale.texts is not None:
         return lambda rank: style.COLOURS[rank % len(style.COLOURS)], None
     colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, _DARK_ENOUGH, 256)))
-    values = np.unique(told.places)
+    values = np.unique(by_scale.places)
     if (count := values.size) <= _STEPS:
         steps = ListedColormap(colours(np.arange(count) / max(count - 1, 1)))
         return steps, ScalarMappable(BoundaryNorm(np.arange(count + 1) - 0.5, count), steps)
-    norm = (LogNorm if told.log else Normalize)(values[0], values[-1])
+    norm = (LogNorm if by_scale.log else Normalize)(values[0], values[-1])
     return lambda rank: colours(np.asarray(norm(values[rank]))), ScalarMappable(norm, colours)
 
 
-def _colour_bar(ax: Axes, told: swept.Scale, colours: ScalarMappable) -> None:
-    bar = ax.figure.colorbar(colours, ax=ax, label=told.label)
-    values = np.unique(told.places)
+def _colour_bar(ax: Axes, by_scale: swept.Scale, colours: ScalarMappable) -> None:
+    bar = ax.figure.colorbar(colours, ax=ax, label=by_scale.label)
+    values = np.unique(by_scale.places)
     if values.size <= _STEPS:
         bar.set_ticks(list(range(values.size)), labels=[f"{value:.5g}" for value in values])
         bar.ax.minorticks_off()

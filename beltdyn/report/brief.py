@@ -34,8 +34,8 @@ _MEANINGS = {
 
 def lines(report: ReportData) -> list[str]:
     """Return the lines of the first screen: at most 39, none longer than 100 characters."""
-    above = [one for told in opening(report) for one in _wrapped(told)]
-    below = ["", *(one for told in _closing(report) for one in _wrapped(told))]
+    above = [one for sentence in opening(report) for one in _wrapped(sentence)]
+    below = ["", *(one for sentence in _closing(report) for one in _wrapped(sentence))]
     shown = [
         (table, [line for one in table.remarks for line in _wrapped("  " + one)])
         for table in _tables(report)
@@ -56,8 +56,8 @@ def html(report: ReportData) -> str:
     return f"{first}\n<details><summary>All of it</summary>{text.html(report)}</details>"
 
 
-def _wrapped(told: str) -> list[str]:
-    return textwrap.wrap(told, _WIDTH, subsequent_indent="    ")
+def _wrapped(sentence: str) -> list[str]:
+    return textwrap.wrap(sentence, _WIDTH, subsequent_indent="    ")
 
 
 def _height(table: Table, most: int) -> int:
@@ -85,19 +85,19 @@ def _tables(report: ReportData) -> Iterator[Table]:
         if kept:
             heading, *rows = zip(first, *kept, strict=True)
             words = {*heading} - ({"worst"} if "margin" in heading else set())
-            told = [meaning for word, meaning in _MEANINGS.items() if word in words]
-            remarks = (*filter(None, ["; ".join(told)]), *table.remarks)
+            meanings = [meaning for word, meaning in _MEANINGS.items() if word in words]
+            remarks = (*filter(None, ["; ".join(meanings)]), *table.remarks)
             yield Table(table.title, heading, rows, remarks)
 
 
 def _on_spans(report: ReportData) -> list[str]:
-    told = text.beside_tensions(report)
+    remarks = text.beside_tensions(report)
     passing = {row.link_passing for row in report.spans if row.frequency is not None}
     if True in passing:
-        told.append("mesh: the strongest line is of links that pass")
+        remarks.append("mesh: the strongest line is of links that pass")
     if None in passing:
-        told.append("?: or of links that pass")
-    return ["; ".join(told)] if told else []
+        remarks.append("?: or of links that pass")
+    return ["; ".join(remarks)] if remarks else []
 
 
 _LAYOUTS = (
@@ -143,26 +143,26 @@ def _balance(report: ReportData) -> str:
     lost, known = digits.lost(report)
     error, of_losses = report.power_error, report.efficiency_error or 0.0
     ends = [within(one, or_nan(error) * put_in) for one in (put_in, taken)]
-    told = f"{ends[0]} W put in, {ends[1]} W taken off, {lost}"
+    sentence = f"{ends[0]} W put in, {ends[1]} W taken off, {lost}"
     parts = sorted(report.powers, key=lambda one: -abs(one.power))
     shown = [one for one in parts if one.kind == "lost" and abs(one.power) > _SMALL * put_in]
     if shown and known:
         named = (f"{one.name} {digits.loss(report, one.power)}" for one in shown[:_LOSSES])
-        told += f" (most: {', '.join(named)})"
+        sentence += f" (most: {', '.join(named)})"
     rest = put_in - taken - digits.total(report, "lost")
     if report.efficiency is not None and abs(rest) > max(_SMALL * put_in, _unit(put_in, error)):
         parts = [one for one in report.powers if one.kind in ("stored", "left")]
         most = max(parts, key=lambda one: abs(one.power)).name
-        told += f"; the rest, {number(rest, 2)} W: {most}"
+        sentence += f"; the rest, {number(rest, 2)} W: {most}"
     if report.efficiency is not None:
         percent = 100.0 * of_losses
-        told += f"; efficiency {digits.efficiency(report)} %"
+        sentence += f"; efficiency {digits.efficiency(report)} %"
         if any(row.margin is not None and row.margin <= 1.0 for row in report.pulleys):
-            return f"{told} in full slip"
-        return f"{told} (+- {number(percent, 2)} % from the mesh)"
+            return f"{sentence} in full slip"
+        return f"{sentence} (+- {number(percent, 2)} % from the mesh)"
     if of_losses:
-        told += f"; losses +- {number(of_losses * put_in, 2)} W from the mesh"
-    return "; ".join([told, *(one for one in report.notes if one.startswith("no efficiency"))])
+        sentence += f"; losses +- {number(of_losses * put_in, 2)} W from the mesh"
+    return "; ".join([sentence, *(one for one in report.notes if one.startswith("no efficiency"))])
 
 
 def _unit(put_in: float, error: float | None) -> float:

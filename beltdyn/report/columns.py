@@ -70,10 +70,10 @@ def made(report: ReportData, layout: Layout) -> Table:
     return Table(title, tuple(heading), list(zip(*texts, strict=True)), remarks)
 
 
-def _cell(told: str | tuple[str, str, str], end: str) -> str:
-    if isinstance(told, str):
-        return told
-    return between(told[1:]) if end == "range" else told[("", "least", "most").index(end)]
+def _cell(texts: str | tuple[str, str, str], end: str) -> str:
+    if isinstance(texts, str):
+        return texts
+    return between(texts[1:]) if end == "range" else texts[("", "least", "most").index(end)]
 
 
 def has_shares(report: ReportData) -> bool:

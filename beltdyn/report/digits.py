@@ -76,11 +76,11 @@ def placed(
         return number(mean, 2), number(least, 2), number(most, 2)
     shown, digits = rounded(size, share * size)
     place = digits - 1 - math.floor(math.log10(shown))
-    told = [
+    texts = [
         signed(f"{round(one, place):.{max(0, place)}f}") if math.isfinite(one) else number(one)
         for one in (mean, least, most)
     ]
-    return told[0], told[1], told[2]
+    return texts[0], texts[1], texts[2]
 
 
 def between(ends: Sequence[str]) -> str:
@@ -185,8 +185,8 @@ def used(report: ReportData, row: PulleyRow, scale: float = 100.0) -> tuple[str,
     if part and ratio:  # of the logarithm over the ratio's; a tenth at best, NaN stays
         share = max(of_ratio(report, row) * part / (ratio * math.log(ratio)), 1e-3) / part
     mean = row.used_range if part is None else Spread(part, part, part)
-    told = placed(mean, share, scale, row.used_range, part or None)
-    return told[0], told[1], told[2].replace("none", "slack")
+    texts = placed(mean, share, scale, row.used_range, part or None)
+    return texts[0], texts[1], texts[2].replace("none", "slack")
 
 
 def line_frequency(report: ReportData, row: SpanRow | MountRow) -> str:

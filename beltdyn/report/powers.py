@@ -60,8 +60,8 @@ def power_rows(window: Window) -> dict[str, Any]:
     bristles = _bristles(window)
     if bristles is None and energy.mount_loss is not None:
         notes.append(
-            "what dry friction of mounts stores is told as lost: mounts.friction_force not asked "
-            "for (outputs of simulate)"
+            "what dry friction of mounts stores is counted as lost: mounts.friction_force not "
+            "asked for (outputs of simulate)"
         )
     powers = window.mean(window.of(run.pulleys.torque) * window.of(run.pulleys.omega))
     scale = float(np.max(np.abs(powers), initial=0.0))

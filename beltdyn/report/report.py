@@ -222,18 +222,18 @@ def _bending(window: Window, rows: list[PulleyRow]) -> None:
     # by as much as on the arc that this takes off, but pulled along the rim by the component of the
     # tension: the exponent mu wrap loses EI/(2 r^2) (1/T_slack - 1/T_tight), to leading order.
     stiffness = window.params.belt.bending_stiffness
-    told = []
+    texts = []
     for row, pulley in zip(rows, window.params.pulleys, strict=True):
         if row.margin is None or not row.limit or not row.slack or row.limit <= 1.0:
             continue
         loss = stiffness / (2.0 * pulley.radius**2 * row.slack) * (1.0 - 1.0 / row.limit)
         share = loss / math.log(row.limit)
         if share > NOTABLE:
-            told.append(f"{100.0 * share:.1f} % on {row.name}")
-    if told:
+            texts.append(f"{100.0 * share:.1f} % on {row.name}")
+    if texts:
         window.notes.append(
             "limits, friction in use and margins leave out that the belt resists bending, which "
-            f"takes off mu wrap, so that full slip uses less than 100 %: {', '.join(told)}"
+            f"takes off mu wrap, so that full slip uses less than 100 %: {', '.join(texts)}"
         )
 
 

@@ -331,9 +331,9 @@ class ReportData:
         creep: A row for each pulley but the driving one.
         powers: Power balance; the input power is the sum of all others.
         efficiency: Share of the input power that is not lost.
-        efficiency_error: Its error, or where it is None that of what is lost over what is put in:
-            that of the powers if the run was verified; else what the mesh adds to the losses,
-            nearly all of the contact's damping, of links that land.
+        efficiency_error: Error of ``efficiency`` or, where that is None, of the share of the input
+            power that is lost: from the errors of the powers if the run was verified; else the
+            losses that the mesh adds, nearly all in the contact's dampers as links land.
         power_error: Error of the powers, relative to the largest of a pulley in the run, as
             ``result.accuracy`` has it.
         tension_error: Error of the spans' mean tensions, as ``result.accuracy`` has it.

@@ -168,18 +168,18 @@ def _when(report: ReportData, row: PulleyRow) -> str:
     if row.least <= 1.02:
         of_means = row.margin is not None and row.margin <= 1.02
         return "now" if of_means else "now, at the worst instant"
-    told = []
+    texts = []
     if row.margin is not None and math.isfinite(row.margin):
-        told.append(f"when all loads have grown {digits.margin(report, row.margin)}-fold")
+        texts.append(f"when all loads have grown {digits.margin(report, row.margin)}-fold")
     if row.least_margin is not None and (
         row.margin is None or row.least_margin < 0.95 * row.margin
     ):
         least = digits.margin(report, row.least_margin)
         worst = f"{least}-fold at the worst instant, t = {row.worst_time:.4g} s"
-        told.append(f"but {worst}" if told else f"when all loads have grown {worst}")
-    if told and note_on_mesh(report):
-        told.append("on the paper's mesh; the drive's own margin is lower")
-    return ", ".join(told)
+        texts.append(f"but {worst}" if texts else f"when all loads have grown {worst}")
+    if texts and note_on_mesh(report):
+        texts.append("on the paper's mesh; the drive's own margin is lower")
+    return ", ".join(texts)
 
 
 def _on_spans(report: ReportData) -> Iterator[str]:
@@ -204,8 +204,8 @@ def _on_spans(report: ReportData) -> Iterator[str]:
             f"In all of the run: at most {next(ends)} N ({tight}), at least {next(ends)} N "
             f"({loose}; {slack}); means over the span."
         )
-    if told := beside_tensions(report):
-        yield f"Beside these: {'; '.join(told)}."
+    if more := beside_tensions(report):
+        yield f"Beside these: {'; '.join(more)}."
 
 
 def beside_tensions(report: ReportData) -> list[str]:
@@ -282,19 +282,19 @@ def _on_cycles(report: ReportData) -> Iterator[str]:
 
 def opening(report: ReportData) -> list[str]:
     """Describe the part of the run, and the speed of the belt."""
-    told, range_ = "", report.belt_speeds
+    speed, range_ = "", report.belt_speeds
     if report.belt_speed is not None:
-        told = f"; belt at {digits.belt_speed(report)} m/s"
+        speed = f"; belt at {digits.belt_speed(report)} m/s"
     backward = (report.belt_speed or 0.0) < -ROUNDING
     if report.driver and range_ is not None and range_.most - range_.least > abs(range_.mean):
         _, *ends = placed(range_, 1e-3, -1.0 if backward else 1.0)
-        told = f"; belt at {between(ends)} m/s"
+        speed = f"; belt at {between(ends)} m/s"
     if backward:
-        told += f" against the order of its {'cells' if cells(report) else 'links'}"
+        speed += f" against the order of its {'cells' if cells(report) else 'links'}"
     if report.driver is not None:
-        told += f", driven by {report.driver}"
+        speed += f", driven by {report.driver}"
     begin, end = f"{report.begin:.6g}", f"{report.end:.6g}"
-    found = [f"Means over t = {begin} to {end} s, {report.samples} samples{told}"]
+    found = [f"Means over t = {begin} to {end} s, {report.samples} samples{speed}"]
     if report.ended_early is not None:
         found.append(f"  the run ended early, {report.ended_early}")
     for least_steady in report.unsteady[:1]:
@@ -308,7 +308,7 @@ def _closing(report: ReportData) -> Iterator[tuple[str, Sequence[str]]]:
     """Yield what stands below the tables: heading and texts."""
     later = " (foreseen; the errors of this run are measured)"
     warned = [f"{one}{later if foreseen(report, one.code) else ''}" for one in report.warnings]
-    parts = (("Warnings of the run", warned), ("Not told, and to be kept in mind", report.notes))
+    parts = (("Warnings of the run", warned), ("Not known, and to bear in mind", report.notes))
     return (part for part in parts if part[1])
 
 

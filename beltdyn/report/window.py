@@ -279,7 +279,7 @@ class Window:
         """Describe what changes between the halves of the window, the largest change first."""
         t, half = self.t, self.t.size // 2
         if half < 2:
-            return ["whether it is steady cannot be told from fewer than four samples"]
+            return ["whether it is steady cannot be judged from fewer than four samples"]
         middle = 0.5 * (t[0] + t[-1])
         halves = [np.where(part, self.weights, 0.0) for part in (t <= middle, t >= middle)]
         found: list[tuple[float, str]] = []

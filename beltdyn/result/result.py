@@ -330,7 +330,7 @@ class Result(Sampled):
                 rows.append((f"  speed lost against {driver}", listed(percent[0], error, of, " %")))
                 # The rest is running radii: report() has all parts.
                 rows.append(("    by creep alone", listed(percent[1], error, of, " %")))
-            elif (rims := self._rims()) is not None:  # no split of it can be told
+            elif (rims := self._rims()) is not None:  # its split is not known
                 slip = self._slip(mean_over(weights, rims[late])[None])[0, 1:]
                 # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
                 if slip.size and (np.abs(slip) <= 1.0).all():

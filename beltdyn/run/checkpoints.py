@@ -67,9 +67,8 @@ class Checkpoint:
 
     Attributes:
         path: The file; there must be none yet.
-        every: Wall time between two writes [s], >= 0; 0: after some milliseconds each. A write
-            waits for the disk; besides samples the file takes 38 kB for 60 links, 94 to 160 kB
-            for 240.
+        every: Wall time between two writes [s], >= 0; 0: every few milliseconds. A write waits for
+            the disk; besides samples the file takes 38 kB for 60 links, 94 to 160 kB for 240.
 
     Raises:
         TypeError, ValueError: Not a path, not a time.

@@ -69,7 +69,7 @@ def _no_friction(result: Result) -> Iterator[RunWarning]:
 
 
 def _mesh(result: Result) -> Iterator[RunWarning]:
-    """Warn by the error of the mesh that the result tells, of a run that failed by that at rest."""
+    """Warn of the error of the mesh in the result; of a run that failed, of that at rest."""
     params, error, seen = result.params, result.accuracy["span_mean"].space, result._running
     if error is None or seen is None:
         return sanity.of_mesh(params)

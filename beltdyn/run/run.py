@@ -40,7 +40,7 @@ def once(
 ) -> tuple[Result, State]:
     """Run once; return also the state it started from. ``others`` are those of :class:`Run`.
 
-    ``watch`` is told now and then how far it is; a SimulationError that it raises ends the run.
+    ``watch`` is called now and then with how far it is; a SimulationError of its ends the run.
     """
     run = Run(start, **others)
     finished = run.advance(watch)

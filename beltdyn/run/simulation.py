@@ -85,7 +85,7 @@ def simulate(
 
     The accuracy asked for, ``rtol``, is that of the integration in time. The mesh has an error of
     its own, which only more links reduce, and so has a contact that is softer than the real one:
-    ``print(result)`` tells all three as far as they are known, ``verify=True`` measures those in
+    ``print(result)`` shows all three as far as they are known, ``verify=True`` measures those in
     time and of the mesh.
 
     Args:
@@ -115,9 +115,8 @@ def simulate(
             local errors, relative to the stretch of a joint, below a limit calibrated on calm
             drives, so that errors come out about as asked there. It says nothing about the mesh,
             whose error is 1 % rather than 1e-4. Very stiff friction (sigma times a joint's stretch
-            beyond a hundred,
-            as for sigma = 1e7 1/m) reverses in jumps; errors were up to three times as large
-            there. Values above 0.1 loosen nothing further. Fixed steps ignore it.
+            beyond a hundred, as for sigma = 1e7 1/m) reverses in jumps; errors were up to three
+            times as large there. Values above 0.1 loosen nothing further. Fixed steps ignore it.
         initial: State to start from; None: the belt at rest under preload, from :func:`settle`,
             tensioned as ``params.tensioning`` says, or, if a motion begins with another speed than
             0, running at it, ``settle(params, speed=...)``. Otherwise the speeds of prescribed
@@ -140,11 +139,11 @@ def simulate(
         outputs: What to compute and keep at the sample times, a tuple of names; None: everything.
             Names are those of groups ("pulleys", "belt", "joints", "contact", "mounts",
             "couplings"), of arrays in them ("joints.force", "pulleys.omega"), "energy" for the
-            ledger, which else is left out as by ``ledger=False``, and "span_tension", which keeps
-            none of the forces that it is computed from. Other arrays are an AttributeError when
-            read. The run itself and ``final_state`` are the same; warnings that show in other
-            outputs are not looked for, ``result.unchecked`` lists them. ``verify`` holds more until
-            it is done.
+            ledger, which is otherwise left out as by ``ledger=False``, and "span_tension", which
+            keeps none of the forces that it is computed from. Other arrays are an AttributeError
+            when read. The run itself and ``final_state`` are the same; warnings that show in other
+            outputs are not looked for, ``result.unchecked`` lists them. ``verify`` keeps more in
+            memory until it is done.
         torque_interval: A torque function, Python or compiled, is called at least once in every
             interval of this length [s], so that no pulse longer than that is missed, however long
             the steps are. (Torque objects need no such calls.) If a function jumps all the time
@@ -168,15 +167,15 @@ def simulate(
             ``expected`` or ``verify``.
         expected: Errors that pilot runs have shown, as ``options`` of
             :func:`beltdyn.accuracy.suggest` have them: ``result.accuracy`` then has them in place
-            of estimates, and a warning that the mesh may be coarse goes where they show that it is
-            not. Errors that ``verify`` measures come before them.
+            of estimates, and without a warning that the mesh may be coarse where they show that it
+            is not. Errors that ``verify`` measures take their place.
         checkpoint: A file to write the run to as it goes, every 30 s of wall time or as
-            ``Checkpoint(path, every=...)`` says, on Ctrl-C, where it fails and when it ends;
-            there must be none yet. Should the process be killed at any time, :func:`resume`
-            goes on from the last write, and its result is that of a run that was not stopped, bit
-            for bit. The file holds drive, state, samples, and torques and motions but for
-            functions. What it cannot be written for (a full disk) is a warning "checkpoint", and
-            the run goes on. Not together with ``verify`` or ``budget``.
+            ``Checkpoint(path, every=...)`` says, on Ctrl-C, where it fails and when it ends; there
+            must be none yet. Should the process be killed at any time, :func:`resume` goes on from
+            the last write, and its result is that of a run that was not stopped, bit for bit. The
+            file holds drive, state, samples, and torques and motions but for functions. If it
+            cannot be written (a full disk), a warning "checkpoint" says why, and the run goes on.
+            Not together with ``verify`` or ``budget``.
 
     Raises:
         TypeError, ValueError: An argument breaks its rule, before anything runs; ``budget`` does
@@ -188,8 +187,8 @@ def simulate(
         Interrupted: Ctrl-C; ``.result`` holds what was computed, None before the run has begun.
         MemoryError: The samples do not fit into memory; raised before anything runs.
         BeltdynWarning: Not raised but issued, for each of ``result.warnings``: those of the drive
-            alone, but ``mesh``, before the run, the rest after it; :class:`beltdyn.RunWarning`
-            lists all. A filter that makes errors of them raises what the drive at rest has,
+            alone, except ``mesh``, before the run, the rest after it; :class:`beltdyn.RunWarning`
+            lists all. A filter that turns them into errors raises those of the drive at rest,
             ``mesh`` too, before the run.
         Exception: Whatever ``torque_fn`` or a motion raises comes out unchanged, from ctypes, cffi
             and Numba callbacks as well; what was computed is in its attribute ``result``, None

@@ -1,8 +1,9 @@
 """Named scenes: one library for tests, benchmarks, notebooks and the command line.
 
-Each scene gives ``params, torque_fn, t_end, motion``, so ``simulate(*scenes.kubas_case_1())``
-works. ``hard`` maps names to scenes that are made to break an integrator
-(:class:`beltdyn.scenes.hard_scenes.HardScene`); everywhere else they are called ``"hard/NAME"``.
+Each scene is a tuple ``params, torque_fn, t_end, motion``, so that
+``simulate(*scenes.kubas_case_1())`` works. ``hard`` maps names to scenes that are made to break an
+integrator (:class:`beltdyn.scenes.hard_scenes.HardScene`); everywhere else they are called
+``"hard/NAME"``.
 """
 
 from __future__ import annotations

@@ -25,9 +25,9 @@ _FAINT = 0.02
 class Line:
     """A peak of a spectrum.
 
-    Lines beside a harmonic of the link passing, by the frequency of a line that is named after a
-    pulley or the belt (side bands: that vibration modulates the passing), are named "link passing
-    x1 - crank x2". By another distance they are not, which any line has to a multiple of something.
+    Side bands of a harmonic of the link passing, as far from it as the frequency of a line that is
+    named after a pulley or the belt, are named "link passing x1 - crank x2": that vibration
+    modulates the passing. At other distances lines are not named so.
 
     Attributes:
         frequency: Its frequency [Hz].

@@ -124,9 +124,9 @@ def sweep(
         )
         table["span_tension.least"].sel(span="span 0")
 
-    A run that fails stops nothing: its numbers are NaN, ``status``, ``message`` and ``warnings`` of
-    the result say why, and the warning "no_result" how many there are. States that the belt settles
-    into are shared by the runs that differ in loads, motions and options alone.
+    A run that fails does not stop the sweep: its numbers are NaN, ``status``, ``message`` and
+    ``warnings`` of the result say why, and the warning "no_result" how many there are. States that
+    the belt settles into are shared by the runs that differ in loads, motions and options alone.
 
     Every run gives the same bits wherever it is done, on processors of the same instruction level
     (``kernels`` of the result); otherwise within the errors that its ``rtol`` allows.
@@ -164,14 +164,15 @@ def sweep(
         store: A folder that keeps all outcomes as the sweep goes (SQLite files). A sweep that was
             killed, or that has got more points, computes only what is missing in it. Runs are known
             by their content and the build of this package, not by the sweep they are from; Python
-            functions by their source, what they enclose, and what of yours they use. Not seen: the
-            contents of files that they read; give another ``key`` then. Compiled functions, those
-            whose source is not at hand, and those that import modules of yours when they are
-            called, are refused without a ``key``. Files have checksums.
-        warm: A name that is swept, in a grid: each run starts from the end of the run with the
-            value of this name before, at t = 0, and not from rest (unless that one failed). For
+            functions by their source, what they enclose, and what of yours they use. The contents
+            of files that they read are not seen: give another ``key`` where these change. Compiled
+            functions, those whose source is not at hand, and those that import modules of yours
+            when they are called, are refused without a ``key``. Files have checksums.
+        warm: One of the names of a grid: each run starts, at t = 0, from the final state of the run
+            with the value of this name before, and not from rest (unless that run failed). For
             steady states that change slowly along it.
-        last: The part of each run, counted from its end, that reports, means and extremes are of.
+        last: The part of each run, counted from its end, over which reports, means and extremes are
+            taken.
         progress: Whether to show progress on stderr (on terminals; needs ``rich``).
         key: A name of your own for what the functions of the scene and ``measure`` do: it is part
             of the keys of runs in the store, and stands for functions whose content cannot be

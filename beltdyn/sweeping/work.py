@@ -90,7 +90,7 @@ class Work:
 
 
 def _key(values: Mapping[str, Any]) -> Hashable:
-    """Return what tells drives apart by the values that are swept."""
+    """Return a key that distinguishes drives by the values that are swept."""
     try:
         return token(values)
     except NoKeyError:

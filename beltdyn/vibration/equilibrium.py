@@ -2,7 +2,7 @@
 
 At rest what is left over are the forces of the state's rate. A running belt is steady in places
 fixed in space only, and only over the passing of a link: at one moment the polygon of links leaves
-some percent of the tension on a pulley. There a run over one passing tells: each link has then to
+some percent of the tension on a pulley. There a run over one passing decides: each link has then to
 move as the next one did, and each pulley and mount as before.
 
 A belt at rest stands at one phase of its mesh. Moved along so slowly that it is in equilibrium all

@@ -112,15 +112,15 @@ class Modes:
         return self.frequency.size
 
     def __str__(self) -> str:
-        above, table = self._told()
+        above, table = self._printed()
         rows = tables.columns([table.heading, *table.rows], ">>><", width=80)
         return "\n".join([*_lines(above), *rows, *_lines(table.remarks)])
 
     def _repr_html_(self) -> str:
-        above, table = self._told()
+        above, table = self._printed()
         return tables.html([*above, table])
 
-    def _told(self) -> tuple[list[str], tables.Table]:
+    def _printed(self) -> tuple[list[str], tables.Table]:
         """Return the lines above the modes, and their table with those below."""
         running = f"belt running at {abs(self.speed):.4g} m/s" if self.speed else "at rest"
         held = ", ".join(self.prescribed) or "none"

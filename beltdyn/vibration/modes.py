@@ -160,17 +160,17 @@ def modes(
 
 def _warn_unstable(grows: Complex, names: tuple[str, ...], values: Complex) -> None:
     """Warn of motions that grow: modes with a damping below -0.1 %, unless due to the mesh."""
-    told = [
+    texts = [
         f"{name} grows by {value.real:.3g} 1/s" for value, name in zip(grows, names, strict=True)
     ]
-    told += [
+    texts += [
         f"mode {k} by {value.real:.3g} 1/s"
         for k, value in enumerate(values)
         if value.real > UNSTABLE * abs(value)
     ]
-    if told:
-        more = f", and {len(told) - 3} more" if len(told) > 3 else ""
-        _warn(f"unstable: {', '.join(told[:3])}{more}")
+    if texts:
+        more = f", and {len(texts) - 3} more" if len(texts) > 3 else ""
+        _warn(f"unstable: {', '.join(texts[:3])}{more}")
 
 
 def _lowest(

@@ -27,9 +27,9 @@ from .turning import mesh_stiffness
 #: Displacement of the differences that tensions are read off [m].
 _STEP = 1e-8
 _NOT_REMOVED = (
-    "mesh_turning: the polygon of links resists the whole drive turning, which cannot be told from "
-    "friction that creeps and stays in the response (from {:.3g} Hz): more links make it less, and "
-    "a motion prescribed on a pulley, or a law of friction that sticks, does without"
+    "mesh_turning: the polygon of links resists the whole drive turning, which cannot be separated "
+    "from friction that creeps and stays in the response (from {:.3g} Hz): more links make it less,"
+    " and a motion prescribed on a pulley, or a law of friction that sticks, does without"
 )
 
 
@@ -55,7 +55,7 @@ class FrequencyResponse:
             links; its stiffness is removed from the response, in which the drive turns freely. 0
             of an ALE belt, where a pulley's motion is prescribed, or the phases of the mesh average
             it out; NaN if it could not be determined and is not removed.
-        phases: Phases of the mesh of a running belt that the response is the mean over.
+        phases: Number of phases of the mesh of a running belt over which the response is averaged.
         params: The drive.
     """
 
@@ -120,8 +120,8 @@ def frequency_response(
         phases: Number of phases of the mesh that are combined for a running belt; a passing link
             goes through them one after the other (see :func:`beltdyn.modes`). 6 suffice for the
             frequencies of resonances, not for their damping, which 12 change by a seventh. The
-            response is then that at the frequency that excites, without the sidebands of the links'
-            passing; 1: as the links stand in ``state``, as at rest in any case. States from other
+            response is then that at the exciting frequency, without the side bands of the passing
+            links; 1: as the links stand in ``state``, as at rest in any case. States from other
             moments of a run give somewhat other responses, the less the shorter the links: with 160
             links on pulleys of 50 and 80 mm a resonance at 47.5 Hz within 0.15 Hz and, of six
             phases, 5 % of its damping.

@@ -11,7 +11,7 @@ from functools import cache, partial
 from typing import Any
 
 from . import starts, theory
-from .drives import made, told
+from .drives import made, tables
 from .hard_scene import HardScene
 
 __all__ = ["SCENES", "HardScene"]
@@ -20,9 +20,9 @@ __all__ = ["SCENES", "HardScene"]
 @cache
 def _rows() -> dict[str, dict[str, Any]]:
     """Return what is said of each scene, with its family."""
-    families = {name: rows for name, rows in told().items() if name not in ("holds", "like")}
+    families = {name: rows for name, rows in tables().items() if name not in ("holds", "like")}
     return {
-        name: {"holds": told()["holds"].get(row.get("theory")), "family": family, **row}
+        name: {"holds": tables()["holds"].get(row.get("theory")), "family": family, **row}
         for family, rows in families.items()
         for name, row in rows.items()
     }

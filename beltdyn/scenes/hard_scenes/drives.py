@@ -18,8 +18,8 @@ _HERE = Path(__file__).parent
 
 
 @cache
-def told() -> dict[str, Any]:
-    """Read what is said of all of them: tables of families, [holds] and [like]."""
+def tables() -> dict[str, Any]:
+    """Read the tables of ``hard.toml``: a table for each family, [holds] and [like]."""
     return tomllib.loads((_HERE / "hard.toml").read_text(encoding="utf-8"))
 
 
@@ -37,7 +37,7 @@ def made(row: Mapping[str, Any]) -> Scene:
 def _with_like(row: Mapping[str, Any]) -> Mapping[str, Any]:
     if "like" not in row:
         return row
-    name, others = row["like"], told()["like"]
+    name, others = row["like"], tables()["like"]
     file = _HERE.parent / "drives" / f"{name}.toml"
     other = others[name] if name in others else tomllib.loads(file.read_text(encoding="utf-8"))
     return {**_with_like(other), **row}
