@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -314,13 +315,14 @@ def test_all_has_room_on_screen_and_in_print(
 
 
 def test_titles_of_spectra_beside_each_other_keep_apart(coarse: bd.Result) -> None:
-    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
-    axes = figure.subplots(1, 2)
+    figure = Figure(figsize=(13.0, 4.5), layout="constrained")
+    axes = figure.subplots(1, 3)
     for ax in axes:  # a window that holds too few turns has a long title
         bd.plot.spectrum(coarse, span="crank", last=0.05, ax=ax)
     figure.draw_without_rendering()
-    left, right = (ax.title.get_window_extent() for ax in axes)
-    assert left.x0 > 0.0 and left.x1 < right.x0 and right.x1 < figure.bbox.width
+    titles = [ax.title.get_window_extent() for ax in axes]
+    assert titles[0].x0 > 0.0 and titles[-1].x1 < figure.bbox.width
+    assert all(left.x1 < right.x0 for left, right in pairwise(titles))
 
 
 def run(speed: Callable[[np.ndarray], np.ndarray], load: Callable[[float], float]) -> bd.Result:
