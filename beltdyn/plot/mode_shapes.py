@@ -74,9 +74,9 @@ class _ModePicture:
         ax.set_aspect("equal", adjustable="datalim")
         ax.margins(0.08)
         said = f"mode {k}: {modes.frequency[k]:.4g} Hz, damping {percent(modes.damping[k])}"
-        ax.set_title(f"{said}\n{style.plain(modes.names[k])}", fontsize="medium", wrap=True)
         handles = ax.get_legend_handles_labels()[0]
         style.legend_below(ax, handles if len(handles) > 1 else ())
+        style.set_title(ax, f"{said}\n{style.plain(modes.names[k])}")
         self.machine.name(path_effects=style.HALO, zorder=6)
         self.machine.place_names(np.hstack([self.belt(1.0), self.belt(-1.0)]).T, marks=1)
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
-from matplotlib.font_manager import FontProperties
 
 from ..base.checks import Array, pair, positive, real, real_array, shown
 from ..base.naming import index_of
@@ -95,14 +93,11 @@ def spectrum(
                 ax.plot(one.frequency, one.amplitude, **look)
     style.dress(ax, "frequency [Hz]", f"amplitude [{found.unit}]")
     style.legend_below(ax)  # the width of the axes is known then
-    inches = ax.figure.figure.get_figwidth() * ax.get_position(original=True).width
-    letters = int(72.0 * inches / (0.55 * FontProperties(size="small").get_size_in_points()))
-    title = (textwrap.fill(style.plain(one), max(letters, 20)) for one in _title(found, marks))
-    ax.set_title("\n".join(title), fontsize="small")
+    style.set_title(ax, style.plain(_title(found, marks)), "small")
     return ax
 
 
-def _title(found: Spectrum, marks: bool) -> list[str]:
+def _title(found: Spectrum, marks: bool) -> str:
     """Describe what the window shows and, where lines are named, why others have no names."""
     said = [
         f"{found.begin:.3g} to {found.end:.3g} s, lines closer than {found.resolution:.2g} Hz merge"
@@ -110,7 +105,7 @@ def _title(found: Spectrum, marks: bool) -> list[str]:
     if marks:
         notes = [note for note in found.notes()[1:] if "up to x" not in note]
         said += [note.replace(" %", "\N{NO-BREAK SPACE}%") for note in notes]
-    return said
+    return "\n".join(said)
 
 
 def _mark_passing(ax: Axes, found: Spectrum, high: float) -> None:

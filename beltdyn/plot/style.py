@@ -6,6 +6,7 @@ import io
 import sys
 import threading
 from collections.abc import Sequence
+from textwrap import fill
 from typing import Any
 
 import matplotlib
@@ -121,6 +122,17 @@ def dress(ax: Axes, xlabel: str, ylabel: str) -> None:
     ax.spines[["top", "right"]].set_visible(False)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
+
+
+def set_title(ax: Axes, text: str, size: str = "medium") -> None:
+    """Set a title, its lines broken between words at the width that the axes have by now."""
+    if not text:
+        return
+    title = ax.set_title(text, fontsize=size)
+    room = ax.figure.figure.bbox.width * ax.get_position(original=True).width
+    lines = text.split("\n")
+    most = int(max(map(len, lines)) * room / title.get_window_extent().width)
+    title.set_text("\n".join(fill(line, max(most, 20)) for line in lines))
 
 
 def leave_free(ax: Axes, share: float, *, above: bool) -> None:

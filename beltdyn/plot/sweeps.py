@@ -23,9 +23,8 @@ from ..base.checks import Array, integer, real_array
 from . import style, swept
 from .panel import draws
 
-_FAILED_FACE, _FAILED_EDGE = "0.93", "0.45"
-#: Marks runs of a status, where they are; returns their handle in the legend, with a text.
-_Mark = Callable[[str, Any, str], Artist]
+#: By status where runs have no value, and a text that counts them.
+_Failures = Mapping[str, tuple[Any, str]]
 #: Up to so many values have a step of the colour bar each.
 _STEPS = 10
 #: Up to so many values along x are marked.
@@ -78,18 +77,16 @@ def map(
         scale.apply(ax, which)
     if not points:  # as rows of y and columns of x, both rising
         part = part.isel({one.name: one.order for one in scales}).transpose(up, along)
-    drawn, mark = (_points if points else _cells)(ax, part[quantity].values, scales, mesh)
-    if np.isfinite(part[quantity].values).any():
+    values, failures = part[quantity].values, swept.failures(part, quantity)
+    drawn, handles = (_points if points else _cells)(ax, values, scales, failures, mesh)
+    if np.isfinite(values).any():
         ax.figure.colorbar(drawn, ax=ax, label=swept.label(part[quantity]))
-    failures = swept.failures(part, quantity).items()
-    handles = [mark(name, found.values, text) for name, (found, text) in failures]
     style.dress(ax, scales[0].label, scales[1].label)
     ax.grid(points)
     style.legend_below(ax, handles)
-    if where:
-        ax.set_title(where, fontsize="medium", wrap=True)
+    style.set_title(ax, where)
     if not points:
-        _contours(ax, part[quantity].values, scales, levels)
+        _contours(ax, values, scales, levels)
     return ax
 
 
@@ -99,14 +96,10 @@ def _two(part: Any, quantity: str, x: object, y: object, points: bool) -> tuple[
     known = swept.swept_names(part) if points else dims
     swept.check_names(known, x=x, y=y)
     rest = [name for name in known if name not in (x, y)]
-    named = [str(name) for name in (x, y) if name is not None]
-    needed = 2 - len(named)
-    if points:
-        left = [dim for dim in dims if dim != "run"]
-        if len(rest) != needed and needed:
-            raise ValueError(f"x and y must be two of {', '.join(known)}: name them")
-    else:
-        left = rest if len(rest) > needed else []
+    needed = (x, y).count(None)
+    if points and needed and len(rest) != needed:
+        raise ValueError(f"x and y must be two of {', '.join(known)}: name them")
+    left = [dim for dim in dims if dim != "run"] if points else rest[needed:]
     if left:
         raise swept.too_many(part, quantity, left[-1], "choose a value of all but two")
     if len(rest) < needed:
@@ -114,51 +107,44 @@ def _two(part: Any, quantity: str, x: object, y: object, points: bool) -> tuple[
             f"{quantity} varies along {', '.join(dims) or 'nothing'} alone, a map needs two: see "
             "bd.plot.lines"
         )
-    first = str(x) if x is not None else rest.pop(0)
-    return first, str(y) if y is not None else rest.pop(0)
+    first, second = (str(rest.pop(0) if name is None else name) for name in (x, y))
+    return first, second
 
 
 def _cells(
-    ax: Axes, values: Array, scales: list[swept.Scale], given: dict[str, Any]
-) -> tuple[ScalarMappable, _Mark]:
-    """Draw a grid; return it, and what hatches cells of failed runs."""
+    ax: Axes, values: Array, scales: list[swept.Scale], failures: _Failures, given: dict[str, Any]
+) -> tuple[ScalarMappable, list[Artist]]:
+    """Draw a grid, cells of failed runs hatched; return it, and the entries of its legend."""
     edges = [one.edges() for one in scales]
     look: dict[str, Any] = {"cmap": "viridis", "rasterized": values.size > 2000} | given
     drawn = ax.pcolormesh(*edges, np.ma.masked_invalid(values), **look)
     (left, bottom), (width, height) = [one[:-1] for one in edges], [np.diff(one) for one in edges]
-
-    def hatch(status: str, where: Any, text: str) -> Artist:
-        face: dict[str, Any] = {
-            "facecolor": _FAILED_FACE,
-            "edgecolor": _FAILED_EDGE,
-            "hatch": swept.FAILED_LOOKS[status][0] or None,
-            "linewidth": 0.4,
-        }
-        cells = [
-            Rectangle((left[i], bottom[j]), width[i], height[j]) for j, i in np.argwhere(where)
-        ]
+    handles: list[Artist] = []
+    for status, (where, text) in failures.items():
+        face: dict[str, Any] = {"facecolor": "0.93", "edgecolor": "0.45", "linewidth": 0.4}
+        face["hatch"] = swept.FAILED_LOOKS[status][0] or None
+        failed = np.argwhere(where.values)
+        cells = [Rectangle((left[i], bottom[j]), width[i], height[j]) for j, i in failed]
         ax.add_collection(PatchCollection(cells, **face), autolim=False)
-        return Patch(label=text, **face)
-
-    return drawn, hatch
+        handles.append(Patch(label=text, **face))
+    return drawn, handles
 
 
 def _points(
-    ax: Axes, values: Array, scales: list[swept.Scale], given: dict[str, Any]
-) -> tuple[ScalarMappable, _Mark]:
-    """Draw runs as points; return them, and what marks failed ones."""
+    ax: Axes, values: Array, scales: list[swept.Scale], failures: _Failures, given: dict[str, Any]
+) -> tuple[ScalarMappable, list[Artist]]:
+    """Draw runs as points, failed ones as crosses; return them, and entries of the legend."""
     x, y = (scale.places for scale in scales)
     good = np.isfinite(values)
     size = float(np.clip(4000.0 / max(values.size, 1), 6.0, 36.0))
     look: dict[str, Any] = {"cmap": "viridis", "s": size, "linewidths": 0.0, "zorder": 2} | given
     drawn = ax.scatter(x[good], y[good], c=values[good], **look)
-
-    def cross(status: str, where: Any, text: str) -> Artist:
+    handles: list[Artist] = []
+    for status, (where, text) in failures.items():
         look = swept.mark(status) | {"color": style.COLOURS[1]}
-        ax.plot(x[where], y[where], **look)
-        return Line2D([], [], label=text, **look)
-
-    return drawn, cross
+        ax.plot(x[where.values], y[where.values], **look)
+        handles.append(Line2D([], [], label=text, **look))
+    return drawn, handles
 
 
 def _contours(ax: Axes, values: Any, scales: list[swept.Scale], asked: Any) -> None:
@@ -270,8 +256,7 @@ def lines(
     ]
     if marks and not handles:
         style.legend_below(ax, marks)
-    if where:
-        ax.set_title(where, fontsize="medium", wrap=True)
+    style.set_title(ax, where)
     if found and along != "time":
         _marks(ax, {name: absent for name, (absent, _) in found.items()}, drawn, colour_of)
     if handles:

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..base.checks import Array, close_to, one_of, shown
+from ..base.checks import Array, one_of, shown
 from ..base.optional import optional_module
 from . import style
 
@@ -38,11 +38,8 @@ _OF_RUNS = ("status", "message", "warnings")
 def check_names(known: Sequence[str], **named: object) -> None:
     """Check the two names given for axes, None where none is."""
     for field, name in named.items():
-        if name is not None and name not in known:
-            raise ValueError(
-                f"{field} must be one of {', '.join(known)}, got {shown(name)}"
-                f"{close_to(name, known) if isinstance(name, str) else ''}"
-            )
+        if name is not None:
+            one_of(field, name, known)
     one, other = named.values()
     if one is not None and one == other:
         raise ValueError(f"{' and '.join(named)} must differ, both are {one!r}")
