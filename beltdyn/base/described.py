@@ -26,9 +26,8 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 _NOTES = ("__attrs_props__", "__attrs_own_setattr__")
 #: What belongs to another call: by the function that it is given, and how that call is written.
 _ELSEWHERE = {"Result.report": {"full": "report().text(full=True)"}}
-_FIELD = re.compile(r"    (\w+(?:, \w+)*): (.*)")
-#: The names of arguments and their text.
-_ARGUMENT = re.compile(r"^    (\*{,2}\w+(?:, \w+)*): (.*(?:\n     .*)*)", re.MULTILINE)
+#: The names of fields or arguments and where their text begins.
+_FIELD = re.compile(r"    (\*{,2}\w+(?:, \w+)*): (.*)")
 
 
 def describe(cls: Any) -> None:
@@ -170,11 +169,7 @@ def share_texts(function: Any, texts: Mapping[str, str]) -> None:
         return
     head, *parts = re.split(r"\n\n(?=Args:\n|Raises:\n)", inspect.cleandoc(function.__doc__))
     sections = dict(one.split(":\n", 1) for one in parts)
-    own = {
-        name: text
-        for names, text in _ARGUMENT.findall(sections.get("Args", ""))
-        for name in names.split(", ")
-    }
+    own = _texts(function)
     lines = [head, "", "Args:"]
     for name, one in inspect.signature(function).parameters.items():
         shown = f"**{name}" if one.kind is one.VAR_KEYWORD else name
@@ -206,9 +201,9 @@ def _give_texts(cls: Any, names: list[str]) -> None:
             owner.__slots__ = {name: texts.get(name, old.get(name)) for name in slots}
 
 
-def _texts(cls: Any) -> dict[str, str]:
-    """Read the texts of the fields in a docstring; none if Python drops docstrings."""
-    _, *sections = re.split(r"\n(?:Attributes|Args):\n", inspect.cleandoc(cls.__doc__ or ""))
+def _texts(of: Any) -> dict[str, str]:
+    """Read the texts of fields or arguments in a docstring; none if Python drops docstrings."""
+    _, *sections = re.split(r"\n(?:Attributes|Args):\n", inspect.cleandoc(of.__doc__ or ""))
     found: dict[str, str] = {}
     names: list[str] = []
     for line in "\n".join(sections[:1]).splitlines():

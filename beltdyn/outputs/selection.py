@@ -107,14 +107,12 @@ def of_core(names: Collection[str] | None, ledger: bool) -> tuple[str, ...]:
     return tuple(sorted(needed | set(EVERY_RUN)))
 
 
-def unchecked(
-    names: Collection[str] | None, friction: bool, couplings: bool = False
-) -> tuple[str, ...]:
+def unchecked(names: Collection[str] | None, params: Any) -> tuple[str, ...]:
     """Return the codes of warnings of such a drive that outputs not asked for would show."""
-    possible = set(_LOOKED_FOR) - {"no_friction" if friction else "full_slip"}
-    possible -= set() if couplings else {"never_drives"}
+    never = {"no_friction" if params.has_friction else "full_slip"}
+    never |= set() if params.coupled else {"never_drives"}
     return tuple(
         code
         for code, needs in _LOOKED_FOR.items()
-        if code in possible and not all(has(names, one) for one in needs)
+        if code not in never and not all(has(names, one) for one in needs)
     )

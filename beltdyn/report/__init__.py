@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from ..base.described import describe_all
 from . import rows
+from .creep import creep_rows
 from .cycles import rainflow
 from .digits import speed_errors
-from .report import Report, creep_of, make_report
+from .report import Report, make_report
 from .rows import Creep, Cycle, MountRow, Power, PulleyRow, Rows, SpanRow, Spread
+from .window import Window
 
 __all__ = [
     "Creep",
@@ -19,7 +21,8 @@ __all__ = [
     "Rows",
     "SpanRow",
     "Spread",
-    "creep_of",
+    "Window",
+    "creep_rows",
     "make_report",
     "rainflow",
     "speed_errors",

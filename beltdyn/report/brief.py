@@ -26,7 +26,7 @@ _GROW = "factor by which all loads can grow until it slips in full"
 _MEANINGS = {
     "lost %": "lost: speed, against the driving pulley",
     "to deg": "to deg: of the hub load",
-    "used %": "used: of friction, by mean tensions",
+    "used %": "used: of friction, at most",
     "margin": f"margin: {_GROW} (later: others slip first)",
     "worst": f"worst: {_GROW}, at the worst instant",
 }
@@ -104,7 +104,7 @@ _LAYOUTS = (
     Layout(
         "Pulleys",
         "pulleys",
-        "name turns lost torque power load load:most direction used margin worst",
+        "name turns lost torque power load load:most direction most_used margin worst",
         text.couplings,
     ),
     Layout(

@@ -74,8 +74,7 @@ def _contact(window: Window, k: int) -> dict[str, Any]:
     if window.run._has("belt.x") and params.friction_on(k) is not None:
         slip, wrap = window.arcs.slip[:, k], window.arcs.wrap[:, k]
         share = np.divide(slip, wrap, out=np.full_like(wrap, np.nan), where=wrap > 0.0)
-        smooth = window.smoothed(share[:, None], window.passing)
-        found["slip_range"] = window.spread(smooth[:, 0])
+        found["slip_range"] = window.spread(window.smoothed(share, window.passing))
     return found
 
 

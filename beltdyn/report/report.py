@@ -19,7 +19,7 @@ from .cycles import cycle_rows
 from .hubs import hub_statics, mount_rows
 from .powers import power_rows
 from .pulleys import pulley_rows
-from .rows import Creep, PulleyRow, ReportData, Rows, Spread
+from .rows import PulleyRow, ReportData, Rows, Spread
 from .span_rows import span_rows
 from .window import NEEDED, OF_ARCS, Window
 
@@ -137,6 +137,10 @@ def make_report(
     which = integer("joint", joint, 0)
     if which >= params.n_bodies:
         raise ValueError(f"joint must be < {params.n_bodies}, the number of joints, got {which}")
+    if run.t.size < 2 or not run.t[-1] > run.t[0]:
+        raise ValueError(
+            "a report needs samples at two times at least: give simulate a t_eval that has them"
+        )
     window = Window.last(run, share)
     notes, driver, belt = window.notes, window.driver, window.belt
     for names, parts in _PARTS:
@@ -187,16 +191,6 @@ def make_report(
         accuracy=run.accuracy,
         warnings=run.warnings,
     )
-
-
-def creep_of(run: Sampled, last: float = LAST) -> tuple[str, list[Creep]]:
-    """Return the driving pulley, "" if there is none, and the rows of creep of the others."""
-    if run.t.size < 2 or not run.t[-1] > run.t[0] or not run._has("pulleys.omega"):
-        return "", []
-    window = Window.last(run, last)
-    if window.touching is None or window.driver is None:
-        return "", []
-    return run.params.pulley_names[window.driver], creep_rows(window)
 
 
 def _turns(window: Window) -> None:

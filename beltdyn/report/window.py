@@ -64,16 +64,14 @@ class Window:
     @classmethod
     def last(cls, run: Sampled, share: float) -> Window:
         """Take the samples of this share of the run's time, counted from its end."""
+        # two at least, at different times, where the run has them
         t = run.t
-        if t.size < 2 or not t[-1] > t[0]:
-            raise ValueError(
-                "a report needs samples at two times at least: give simulate a t_eval that has them"
-            )
+        if not t.size:
+            raise ValueError("the run has no samples: give simulate a t_eval that has some")
         # A sample that stands at the beginning but for rounding belongs to it.
         begin = t[-1] - share * (t[-1] - t[0]) - 1e-9 * (t[-1] - t[0])
-        first = min(int(np.searchsorted(t, begin)), t.size - 2)
-        while not t[-1] > t[first]:
-            first -= 1
+        earlier = int(np.searchsorted(t, t[-1])) - 1
+        first = max(0, min(int(np.searchsorted(t, begin)), earlier))
         return cls(run=run, rows=slice(first, t.size), weights=time_weights(t[first:]))
 
     @property
@@ -114,7 +112,7 @@ class Window:
 
     def spread(self, samples: Array, passing: float = 0.0) -> Spread | None:
         """Return mean of samples (n_w,), least and most of running means; None: all NaN."""
-        smooth = self.smoothed(samples[:, None], passing)
+        smooth = self.smoothed(samples, passing)
         there = smooth[~np.isnan(smooth)]
         if there.size == 0:
             return None
@@ -128,7 +126,7 @@ class Window:
         return np.asarray(self.of(getattr(getattr(self.run, group), field))[:, k])
 
     def smoothed(self, samples: Array, width: float) -> Array:
-        """Return the running mean over a time [s] of samples (n_w, n), NaN left out.
+        """Return the running mean over a time [s] of samples (n_w, ...), NaN left out.
 
         Over half of it, or less, at the ends there is no whole one: NaN; if it is longer than the
         window, the mean of the window.
@@ -141,17 +139,18 @@ class Window:
         half = 0.5 * width
         whole = (t >= t[0] + half * (1.0 - 1e-9)) & (t <= t[-1] - half * (1.0 - 1e-9))
         found = np.full(samples.shape, np.nan)
-        there = ~np.isnan(samples)
-        for k in range(samples.shape[1]):
+        columns = (one.reshape(t.size, -1).T for one in (samples, found))
+        for column, smooth in zip(*columns, strict=True):
+            there = ~np.isnan(column)
             summed, counted = (
                 np.interp(t + half, t, total) - np.interp(t - half, t, total)
                 for total in (
-                    integral(t, np.where(there[:, k], samples[:, k], 0.0)),
-                    integral(t, there[:, k].astype(float)),
+                    integral(t, np.where(there, column, 0.0)),
+                    integral(t, there.astype(float)),
                 )
             )
             known = whole & (counted > 0.5 * width)
-            found[known, k] = summed[known] / counted[known]
+            smooth[known] = summed[known] / counted[known]
         return found
 
     # --- The drive in it --------------------------------------------------------------------------
@@ -195,9 +194,7 @@ class Window:
     @functools.cached_property
     def touching(self) -> Touching | None:
         """Contact and friction where they act; None: their outputs are missing."""
-        if self.missing(NEEDED):
-            return None
-        return Touching(self.run, self.rows, self.weights, self.centers)
+        return None if self.missing(NEEDED) else Touching(self)
 
     @functools.cached_property
     def middles(self) -> Array | None:
@@ -240,7 +237,7 @@ class Window:
     def flows(self) -> Array:
         """Stress-free length that passes in a second, without the ripple of links (n_w,) [m/s]."""
         assert self.touching is not None
-        return self.smoothed(self.touching.flows[:, None], self.passing)[:, 0]
+        return self.smoothed(self.touching.flows, self.passing)
 
     @property
     def reverses(self) -> bool:
@@ -312,7 +309,8 @@ class Window:
 class Touching:
     """Contact and friction of a window where they act (MODEL sections 3, 4), each (n_w, n_b)."""
 
-    def __init__(self, run: Sampled, rows: slice, weights: Array, centers: Array) -> None:
+    def __init__(self, window: Window) -> None:
+        run, rows = window.run, window.rows
         params, contact = run.params, run.contact
         facts, l0, n_p = params._belt_facts, float(params.info["link_length"]), len(params.pulleys)
         force = run.joints.force[rows]
@@ -331,12 +329,12 @@ class Touching:
         self.stretch = stretch
         #: Stress-free length that passes in a second [m/s]: mean of the window, and at the samples
         #: (n_w,), in the order of the links.
-        self.flow, self.flows = _flow(run, rows, weights, self.pulley, stretch)
+        self.flow, self.flows = _flow(window, self.pulley, stretch)
         if facts["flows"]:
             radius = running_radius(params, params._radii[self.pulley], force, self.flows[:, None])
             chord = np.ones(1)
         else:
-            axis = centers[np.arange(len(force))[:, None], np.maximum(self.pulley, 0)]
+            axis = window.centers[np.arange(len(force))[:, None], np.maximum(self.pulley, 0)]
             radius = np.hypot(*np.moveaxis(contact_points(params, run.belt, rows) - axis, -1, 0))
             chord = _chord(0.5 * l0 / radius, stretch, facts)
         #: Radius of the arc that the polygon of links stands for there [m]: a joint stands off it,
@@ -362,21 +360,18 @@ def _chord(half: Array, stretch: Array, facts: _core.BeltFacts) -> Array:
     return np.asarray(stretch * half / (angle + (stretch - 1.0) * half))
 
 
-def _flow(
-    run: Sampled, rows: slice, weights: Array, touched: NDArray[np.int32], stretch: Array
-) -> tuple[float, Array]:
+def _flow(window: Window, touched: NDArray[np.int32], stretch: Array) -> tuple[float, Array]:
     """Return the stress-free length that passes in a second [m/s]: mean, and at the samples."""
-    belt = run.belt
-    if run.params._flows:
-        flows = belt.flow[rows]
-        return float(mean_over(weights, flows)), flows
-    phi = belt.phi[rows]
-    free = touched < 0
+    belt, of = window.run.belt, window.of
+    if window.params._flows:
+        flows = of(belt.flow)
+        return float(window.mean(flows)), flows
+    phi, free = of(belt.phi), touched < 0
     if not free.any():
         free = np.ones_like(free)
     # along themselves: what they have across is swing of the spans
-    along = belt.vx[rows] * np.cos(phi) + belt.vy[rows] * np.sin(phi)
+    along = of(belt.vx) * np.cos(phi) + of(belt.vy) * np.sin(phi)
     moved = np.where(free, along, 0.0).sum(axis=1)
     length = np.where(free, stretch, 0.0).sum(axis=1)
-    mean = float(mean_over(weights, moved) / mean_over(weights, length))
+    mean = float(window.mean(moved) / window.mean(length))
     return mean, np.divide(moved, length, out=np.full_like(moved, mean), where=length > 0.0)

@@ -20,7 +20,7 @@ from ..base.run_warnings import RunWarning
 from ..drive.params import Params
 from ..drive.sanity import bodies
 from ..outputs.arcs import Arcs, arcs_of
-from ..outputs.averages import LAST, mean_over, time_weights
+from ..outputs.averages import LAST
 from ..outputs.histories import GROUPS, grouped, histories
 from ..outputs.places import AlongBelt, along, axes_at, momentum_flux
 from ..outputs.sampled import Sampled, running
@@ -283,7 +283,7 @@ class Result(Sampled):
         names = self.params.pulley_names
         spans, named = span_names(names), any(one.name for one in self.params.pulleys)
 
-        from ..report import creep_of, speed_errors  # which no run needs
+        from ..report import Window, creep_rows, speed_errors  # which no run needs
 
         def listed(values: Array, error: ArrayLike | None, of: Sequence[str], unit: str) -> str:
             off = np.broadcast_to(np.nan if error is None else error, values.shape)
@@ -294,35 +294,35 @@ class Result(Sampled):
             return (with_names(texts, of) if named else ", ".join(texts)) + unit
 
         stats = self.stats
-        rows = [("status", self.status), ("time", f"{self.final_state.t:.6g} s")]
+        ended = self.status if self.success else f"{self.status}: {self.message}"
+        rows = [("status", ended), ("time", f"{self.final_state.t:.6g} s")]
         if self.warnings:
             rows.append(("warnings", f"{len(self.warnings)}: {', '.join(_named(self.warnings))}"))
         if self.unchecked:
             rows.append(("  not looked for", f"{', '.join(self.unchecked)}, for want of outputs"))
         of_tension, of_creep = (self.accuracy[one].known for one in ("span_mean", "creep"))
         if self.t.size:
-            late = self.t >= self.t[-1] - LAST * (self.t[-1] - self.t[0])
-            weights = time_weights(self.t[late])
-            rows.append(("mean over", f"the last {self.t[-1] - self.t[late][0]:.3g} s"))
+            window = Window.last(self, LAST)
+            rows.append(("mean over", f"the last {window.lasts:.3g} s"))
             if self._has("pulleys.omega"):
-                speeds = mean_over(weights, self.pulleys.omega[late])
+                speeds = window.mean(window.of(self.pulleys.omega))
                 errors = speed_errors(self.accuracy, speeds, np.isin(names, self.prescribed))
                 rows.append(("  pulley speeds", listed(speeds, errors, names, " rad/s")))
             if self._has("span_tension"):
-                means = mean_over(weights, self.span_tension[late])
+                means = window.mean(window.of(self.span_tension))
                 error = of_tension and of_tension * abs(float(np.nanmean(means)))
                 tensions = listed(means, error, spans, " N")
                 rows.append(("  span tensions", tensions))
             moving = self.params._moving
             if self.mounts is not None and moving and self._has("mounts.travel"):
-                travel = mean_over(weights, self.mounts.travel[late])
+                travel = window.mean(window.of(self.mounts.travel))
                 for m, *_ in moving:  # two spans of the belt move it
                     if of_tension:
                         travel[m] = rounded(travel[m], 2.0 * of_tension * abs(travel[m]))[0]
                 texts = [f"{names[k]}: {on._row.travel_text(travel[m])}" for m, k, on in moving]
                 rows.append(("  mounts, from their places", ", ".join(texts)))
-            driver, lost = creep_of(self) if self._has("pulleys.omega") else ("", [])
-            if lost:
+            if lost := creep_rows(window):
+                driver = names[window.driver or 0]
                 of = [one.name for one in lost]
                 parts = np.array([(one.slower, one.as_share * one.creep) for one in lost])
                 percent = 100.0 * parts.T
@@ -331,7 +331,7 @@ class Result(Sampled):
                 # The rest is running radii: report() has all parts.
                 rows.append(("    by creep alone", listed(percent[1], error, of, " %")))
             elif (rims := self._rims()) is not None:  # its split is not known
-                slip = self._slip(mean_over(weights, rims[late])[None])[0, 1:]
+                slip = self._slip(window.mean(window.of(rims))[None])[0, 1:]
                 # Beyond 100 % the pulleys turn in opposite directions and slip has no meaning.
                 if slip.size and (np.abs(slip) <= 1.0).all():
                     against = f"  speed lost against {names[0]}"

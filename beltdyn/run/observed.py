@@ -19,7 +19,7 @@ from ..drive.params import Params
 from ..outputs.arcs import gross_slip
 from ..outputs.averages import durations, span_of
 from ..outputs.sampled import slowed
-from ..outputs.selection import has, unchecked
+from ..outputs.selection import has
 from ..outputs.squeal import squeals
 from ..result.result import Result
 
@@ -46,9 +46,8 @@ def observe(result: Result, moved: Collection[int] = ()) -> tuple[RunWarning, ..
             "near_limit": _near_limits(result),
             "squeal": _squeals(result),
         }
-        params = result.params
-        missing = unchecked(result.outputs, params.has_friction, bool(params.coupled))
-        return tuple(one for code in found if code not in missing for one in found[code])
+        looked_for = (code for code in found if code not in result.unchecked)
+        return tuple(one for code in looked_for for one in found[code])
 
 
 def _no_friction(result: Result) -> Iterator[RunWarning]:

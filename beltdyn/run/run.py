@@ -199,7 +199,7 @@ class Run:
             params=params,
             prescribed=tuple(params.pulley_names[k] for k in self._motions),
             outputs=outputs,
-            unchecked=unchecked(outputs, params.has_friction, bool(params.coupled)),
+            unchecked=unchecked(outputs, params),
             final_state=State._from_core(sim.state()),
         )
         if start.expected is not None:
