@@ -187,6 +187,11 @@ class Drive:
         radii.setflags(write=False)
         return radii
 
+    @functools.cached_property
+    def _rolling(self) -> Array:
+        """Way of the belt by a turn of 1 rad of each pulley (n_p,) [m]: its radius, signed."""
+        return self.route.senses * self._radii
+
     @property
     def _wave_speed(self) -> float:
         """Speed of waves across the belt at rest, by its stress-free length a second [m/s]."""

@@ -92,8 +92,7 @@ def belt_turning(result: Sampled, rows: Any = slice(None)) -> Array | None:
         speed = (vx * tx + vy * ty) / np.hypot(tx, ty)
         return np.asarray(speed.mean(axis=-1) / arc.sum(axis=-1))
     if result._has("pulleys.omega"):
-        radii = params._radii
-        rims = result.pulleys.omega[rows] * radii * params.route.senses
+        rims = result.pulleys.omega[rows] * params._rolling
         return np.asarray(rims.mean(axis=-1) / params.info["length"])
     return None
 

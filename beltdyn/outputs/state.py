@@ -59,12 +59,11 @@ def belt_speed(name: str, params: Params, omega: ByPulley[float]) -> tuple[dict[
         )
     if not omega:
         raise ValueError(f"{name} must name at least one pulley")
-    radii = params.route.senses * params._radii
     speeds = {
         index: real(f"{name}[{key(index, names)}]", value, "rad/s")
         for index, value in by_index(name, omega, names).items()
     }
-    rims = {index: float(radii[index]) * value for index, value in speeds.items()}
+    rims = {index: float(params._rolling[index]) * value for index, value in speeds.items()}
     slowest, fastest = (choose(rims, key=rims.__getitem__) for choose in (min, max))
     v = rims[fastest]
     if v - rims[slowest] > RIMS * max(map(abs, rims.values())):

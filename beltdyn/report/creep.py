@@ -42,8 +42,8 @@ def creep_rows(window: Window) -> list[Creep]:
     if kept is None:
         window.lacks("no creep", "couplings.rim_speed")
         return []
-    omega, radii, senses = window.mean(window.of(kept)), params._radii, params.route.senses
-    rims = omega * radii * senses
+    omega, rolling = window.mean(window.of(kept)), params._rolling
+    rims = omega * rolling
     tension = None if window.spans is None else window.mean(window.spans)
     if tension is None or np.isnan(tension).any() or touching.flow == 0.0:
         notes.append("no split of creep: not all spans have a tension in this window")
@@ -56,7 +56,7 @@ def creep_rows(window: Window) -> list[Creep]:
         return []
     arriving = np.roll(tension, 1) if touching.flow > 0.0 else tension
     limits = friction_limits(window)
-    parts = [_factors(window, k, float(arriving[k]), limits[k]) for k in range(radii.size)]
+    parts = [_factors(window, k, float(arriving[k]), limits[k]) for k in range(rolling.size)]
     first, rows = parts[driver], []
     for k, part in enumerate(parts):
         if k == driver:
@@ -84,7 +84,7 @@ def creep_rows(window: Window) -> list[Creep]:
             Creep(
                 name=params.pulley_names[k],
                 ratio=float(omega[k] / omega[driver]),
-                nominal=float(senses[k] * senses[driver] * radii[driver] / radii[k]),
+                nominal=float(rolling[driver] / rolling[k]),
                 lost=lost,
                 stretch=stretch,
                 friction=friction,

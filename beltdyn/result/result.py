@@ -225,8 +225,7 @@ class Result(Sampled):
         return self._slip(np.asarray(rims))
 
     def _slip(self, omega: Array) -> Array:
-        radii = self.params._radii
-        speed = omega * radii * self.params.route.senses
+        speed = omega * self.params._rolling
         first = np.abs(speed[:, :1])
         stands = first <= 1e-3 * np.max(first, initial=0.0)
         return np.where(stands, np.nan, 1.0 - speed / np.where(stands, 1.0, speed[:, :1]))

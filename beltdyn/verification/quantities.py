@@ -119,7 +119,7 @@ def observe(result: Result, last: float = 0.2) -> Observed:
     speed = max(float(np.max(_time_mean(rims, late))), STANDSTILL_SPEED * float(np.max(rims)))
     turning = result._rims()
     assert turning is not None  # it is among OBSERVED
-    creep = _creep(_time_mean(turning, late) * radii * params.route.senses, speed)
+    creep = _creep(_time_mean(turning, late) * params._rolling, speed)
     overall = float(np.mean(_time_mean(result.joints.force, time_weights(t, t[0]))))
     force = float(np.max(np.abs(forces)))
     return Observed(

@@ -186,8 +186,7 @@ class Verification:
         tension = observed.span_mean
         if not (np.isfinite(tension).all() and tension.min() >= 0.0 and tension.max() > 0.0):
             return compliance_error(self._params)
-        radii = self._params._radii
-        rims = observed.speed[-1] * radii * self._params.route.senses
+        rims = observed.speed[-1] * self._params._rolling
         along = rims[np.argmax(np.abs(rims))]
         return compliance_error(self._params, tension, float(along))
 

@@ -166,7 +166,7 @@ def _rotation(linear: Linear, vector: Complex, shares: Array) -> str:
     """Name what turns most, of pulleys and both parts of coupled ones, and against what."""
     # The energy of a coupled pulley is that of both parts; it goes to each by its inertia.
     params, names = linear.params, [*linear.params.pulley_names]
-    coupled, radii = list(params.coupled), params.route.senses * params._radii
+    coupled, radii = list(params.coupled), params._rolling
     shaft, other = (linear.field(vector, name)[:, 0] for name in ("omega", "rim_speed"))
     of_shaft = params.shaft_inertias[coupled] * abs(shaft[coupled]) ** 2
     of_other = params.coupled_inertias * abs(other) ** 2

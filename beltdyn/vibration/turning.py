@@ -25,7 +25,7 @@ SLOW, LOSSY = 1e-4, 0.1
 def rigid_turning(linear: Linear) -> Array:
     """Return the unknowns (size,) as the drive turns with the belt at 1 m/s, displaced by 1 m."""
     core, params = linear.state, linear.params
-    turns = params.route.senses / params._radii
+    turns = 1.0 / params._rolling
     way = {"theta": turns, "omega": turns, "rim_speed": turns[list(params.coupled)]}
     if params._flows:
         way["v"] = np.ones(np.size(core["v"]))
@@ -56,7 +56,7 @@ def rigid_rates(linear: Linear) -> tuple[float, float]:
     params = linear.params
     one = rigid_turning(linear)[:, None].astype(complex)
     inertia = float(np.sum(abs(weighted(linear, one)) ** 2))
-    turns = params.route.senses / params._radii
+    turns = 1.0 / params._rolling
     by_angle, by_speed = (-float(turns @ slope @ turns) for slope in linear.torque_slopes)
     return by_angle / inertia, by_speed / inertia
 
