@@ -291,15 +291,11 @@ class Continued(Recorder):
 
     def __init__(self, path: str | os.PathLike[str], write: bool, every: float | None) -> None:
         super().__init__(_path(path))
-        try:
+        with self._refusing("it is no checkpoint of a run, or one of another version: "):
             self._db = sqlite.opened(self.path, _TABLES, write=write)
             self._place = sqlite.Place(self.path)
-        except ValueError as error:
-            raise self._refusal(
-                f"it is no checkpoint of a run, or one of another version: {error}"
-            ) from None
         self._writes = write
-        try:
+        with self._refusing():
             self.start, kept_every = start_of_run.unpack(b"".join(self._contents(_HEAD)))
             self.every = _every(kept_every if every is None else every)
             level = _core.kernel_level()
@@ -309,22 +305,14 @@ class Continued(Recorder):
                     f"{level}, and they do not give the same bits: set the environment variable "
                     f"BELTDYN_KERNELS={self.start.kernels}, on a processor that has it"
                 )
-        except BaseException as error:
-            self.close()
-            if isinstance(error, (TypeError, ValueError)):
-                raise self._refusal(error) from None
-            raise
 
     def begin(
         self, sim: _core.Simulation, arrays: Mapping[str, NDArray[Any]], _start: Start
     ) -> Spent:
         """Take the samples and the restart record, if they are of this run."""
         self._arrays = arrays
-        try:
-            with self._at_one_time():
-                return self._resume(sim)
-        except ValueError as error:
-            raise self._refusal(error) from None
+        with self._refusing(), self._at_one_time():
+            return self._resume(sim)
 
     def _resume(self, sim: _core.Simulation) -> Spent:
         settle = self.start.settle_time
@@ -393,8 +381,16 @@ class Continued(Recorder):
                     raise ValueError("it is damaged: a checksum does not fit")
                 yield content
 
-    def _refusal(self, why: object) -> ValueError:
-        return ValueError(f"cannot go on from {self.path}: {why}")
+    @contextmanager
+    def _refusing(self, what: str = "") -> Iterator[None]:
+        """Refuse the file for what is wrong with it; close it after any error."""
+        try:
+            yield
+        except BaseException as error:
+            self.close()
+            if isinstance(error, (TypeError, ValueError)):
+                raise ValueError(f"cannot go on from {self.path}: {what}{error}") from None
+            raise
 
 
 def _use_of(path: str) -> str:
