@@ -139,6 +139,12 @@ class Identification:
         """Correlation of the estimates (n_free, n_free)."""
         return self._linearised(linear.correlation)
 
+    @property
+    def _rows(self) -> dict[str, slice]:
+        """The numbers of each target among those of all."""
+        ends = np.cumsum([residuals.size for residuals in self.residuals.values()]).tolist()
+        return dict(zip(self.residuals, map(slice, [0, *ends], ends), strict=True))
+
     def _linearised(self, of: Callable[[Array], Array]) -> Array:
         known = np.isfinite(self.weighted).all()
         return of(self.weighted) if known else np.full((len(self.values),) * 2, np.nan)
@@ -287,11 +293,8 @@ class Identification:
         one_of("unit", unit, ("relative", "sigma"))
         rows: list[str] = []
         values: list[Array] = []
-        at = 0
-        for name, residuals in self.residuals.items():
-            here = slice(at, at + residuals.size)
-            at += residuals.size
-            labels = self.labels[here]
+        for name, here in self._rows.items():
+            residuals, labels = self.residuals[name], self.labels[here]
             change, scale = self.jacobian[here], np.ones(residuals.size)
             if unit == "relative":
                 change = change * self.sigma[name].reshape(-1, 1)
@@ -366,11 +369,9 @@ class Identification:
 
     def _units(self) -> Iterator[str]:
         """Ask about curves that are what is computed, but for a unit or a sense."""
-        begin = 0
-        for name, residuals in self.residuals.items():
-            computed = self.computed[begin : begin + residuals.size]
-            begin += residuals.size
-            measured = computed - (residuals * self.sigma[name]).ravel()
+        for name, here in self._rows.items():
+            computed = self.computed[here]
+            measured = computed - (self.residuals[name] * self.sigma[name]).ravel()
             power = float(computed @ computed)
             factor = float(computed @ measured) / power if power > 0.0 else 1.0
             for unit, size in _UNITS.items():
