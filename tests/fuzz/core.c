@@ -428,7 +428,11 @@ static void read_drive(drive *d, bytes *in) {
 
 /* --- states, in blocks of just their size ---------------------------------------------------- */
 
-static size_t state_sizes(const bd_info *info, size_t sizes[16]) {
+#define X(symbol, name, size, scale, unit, text) FIELD_OF_##symbol,
+enum { BD_STATE_FIELDS(X) STATE_FIELDS };
+#undef X
+
+static size_t state_sizes(const bd_info *info, size_t sizes[STATE_FIELDS]) {
   size_t n = 0;
 #define X(symbol, name, size, scale, unit, text) sizes[n++] = bd_size(info, BD_SIZE_##size);
   BD_STATE_FIELDS(X)
@@ -436,7 +440,7 @@ static size_t state_sizes(const bd_info *info, size_t sizes[16]) {
   return n;
 }
 
-static void state_places(bd_state *state, double **places[16]) {
+static void state_places(bd_state *state, double **places[STATE_FIELDS]) {
   size_t n = 0;
 #define X(symbol, name, size, scale, unit, text) places[n++] = &state->name;
   BD_STATE_FIELDS(X)
@@ -450,8 +454,8 @@ static void *room_of(size_t count, size_t size) {
 }
 
 static bd_state new_state(const bd_info *info) {
-  size_t sizes[16];
-  double **places[16];
+  size_t sizes[STATE_FIELDS];
+  double **places[STATE_FIELDS];
   bd_state state = {0};
   state_places(&state, places);
   for (size_t k = 0, n = state_sizes(info, sizes); k < n; ++k) {
@@ -461,8 +465,8 @@ static bd_state new_state(const bd_info *info) {
 }
 
 static void free_state(bd_state *state, const bd_info *info) {
-  size_t sizes[16];
-  double **places[16];
+  size_t sizes[STATE_FIELDS];
+  double **places[STATE_FIELDS];
   state_places(state, places);
   for (size_t k = 0, n = state_sizes(info, sizes); k < n; ++k) {
     free(*places[k]);
@@ -470,8 +474,8 @@ static void free_state(bd_state *state, const bd_info *info) {
 }
 
 static int is_finite(bd_state *state, const bd_info *info) {
-  size_t sizes[16];
-  double **places[16];
+  size_t sizes[STATE_FIELDS];
+  double **places[STATE_FIELDS];
   int finite = isfinite(state->t) != 0;
   state_places(state, places);
   for (size_t k = 0, n = state_sizes(info, sizes); k < n; ++k) {
@@ -486,8 +490,8 @@ static int is_finite(bd_state *state, const bd_info *info) {
 }
 
 static void edit_state(const drive *d, bd_state *state, const bd_info *info) {
-  size_t sizes[16];
-  double **places[16];
+  size_t sizes[STATE_FIELDS];
+  double **places[STATE_FIELDS];
   state_places(state, places);
   const size_t n = state_sizes(info, sizes);
   for (size_t e = 0; e < d->n_edits; ++e) {
