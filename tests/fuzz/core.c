@@ -604,7 +604,8 @@ static void use(const drive *d, const bd_model *model) {
   bd_info info;
   double kinetic, slip;
   bd_model_info(model, &info);
-  HOLDS(info.n_bodies == d->scene.belt.n_bodies && info.n_pulleys == d->scene.n_pulleys);
+  HOLDS((info.n_bodies == d->scene.belt.n_bodies || d->scene.belt.mesh == BD_MESH_ALE) &&
+        info.n_pulleys == d->scene.n_pulleys);
   double *travel = room_of((size_t)info.n_mounts, sizeof *travel);
   double *places = room_of(2 * (size_t)info.n_pulleys, sizeof *places);
   bd_model_rest(model, travel);
