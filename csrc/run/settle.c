@@ -463,6 +463,11 @@ int bd_settle_create(bd_settling **out, const bd_model *model, const bd_state *i
   }
   double step, flow = flow_of(model, options->speed);
   const bd_method *method = method_for(model, options->friction, flow, &step);
+  if (!model->belt_model->rest && !(step < INFINITY)) { /* it would be tried, halved, for ever */
+    return bd_fail(err, BD_ERR_NOT_SETTLED, "settle",
+                   "the belt vibrates too slowly to be settled: its tension at rest is next to 0, "
+                   "or its density beyond all measure; raise belt.preload");
+  }
   bd_settling *settling = new_settling(model, method, options->friction);
   if (!settling) {
     return bd_fail(err, BD_ERR_MEMORY, "simulation", "out of memory for a simulation");
