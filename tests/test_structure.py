@@ -121,6 +121,25 @@ def test_no_two_modules_have_one_name() -> None:
     ] == []
 
 
+def test_the_map_of_files_names_every_one() -> None:
+    """Tables of CONTRIBUTING; of the core but for headers of folders and files of one level."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
+    table = re.findall(r"^\| `(\w+)` \| (.+) \|$", text, re.MULTILINE)
+    rooms = {file.parent for file in modules().values()}
+    folders = {ROOT / "csrc" / name for name in FOLDERS} - {ROOT / "csrc" / "binding"}
+    for kind, places in ((r"\w+\.py", rooms), (r"\w+\.[ch]", folders)):
+        for place in {one for one in places if one.name in (*ROOMS, *FOLDERS)}:
+            row = " ".join(words for name, words in table if name == place.name)
+            there = {
+                file.name
+                for file in place.rglob("*")
+                if re.fullmatch(kind, file.name)
+                if file.stem not in ("__init__", place.name) or file.suffix == ".py"
+                if not file.name.endswith(("__init__.py", "_baseline.c", "_avx2.c", "_avx512.c"))
+            }
+            assert there <= set(re.findall(r"[\w.]+", row)), place
+
+
 def test_a_module_that_has_moved_says_where_it_is() -> None:
     """Whatever way it is asked for. The names are not those of public things, which never move."""
     there = set(modules())

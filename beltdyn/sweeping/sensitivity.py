@@ -76,7 +76,7 @@ class Sensitivity:
         "two comes first; NaN elsewhere.",
     )
     second_conf = _index("second_conf", "Half width of their confidence interval [1].")
-    used = _index("used", "Groups of runs, or runs, that the indices are of, by entry.")
+    used = _index("used", "Number of runs, or groups of them, behind the indices, by entry.")
 
     def to_dataset(self) -> Any:
         """Return all indices as one ``xarray.Dataset``, which can be written to a file."""
