@@ -320,8 +320,8 @@ def codes() -> list[str]:
     return sorted({*re.findall(r"^    (\w+)(?: \*)? {1,13}\S", listed, re.MULTILINE)})
 
 
-def warned() -> dict[str, Callable[[], bd.Params | bd.Result]]:
-    """Drives and runs that the library warns of; names begin with the code."""
+def warned() -> dict[str, Callable[[], bd.Params | bd.Result | list[str]]]:
+    """Drives, runs and sweeps that the library warns of; names begin with the code."""
     plain, ramp = drives.plain_scene()[:2]
     rest = bd.settle(plain)
     small, larger = (drives.small_idler(radius, 20) for radius in (0.02, 0.025))
@@ -374,6 +374,12 @@ def warned() -> dict[str, Callable[[], bd.Params | bd.Result]]:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
             Path("checkpoint").unlink()
 
+    def without_result() -> list[str]:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            bd.sweep(bd.Scene(plain, still, 0.001), {"max_steps": [1, 1000]}, executor=1)
+        return [str(one.message) for one in caught]
+
     lively = of({"axial_damping": 0.03})
     chattering = of(contact=bd.Contact(linear=2.5e7, damping=100.0))
     ringing = attrs.evolve(
@@ -422,6 +428,7 @@ def warned() -> dict[str, Callable[[], bd.Params | bd.Result]]:
         "beyond_table": run(
             bd.SpeedTable(0, [1.0, 8.0], [0.0, 0.0]), 0.001, initial=turning
         ),
+        "no_result": without_result,
     } | (warned_of_cells() if any(map(can_be, ALE)) else {})  # fmt: skip
 
 
@@ -468,12 +475,14 @@ def warned_of_cells() -> dict[str, Callable[[], bd.Params | bd.Result]]:
     }
 
 
-def warn_of(name: str, make: Callable[[], bd.Params | bd.Result]) -> set[str]:
+def warn_of(name: str, make: Callable[[], bd.Params | bd.Result | list[str]]) -> set[str]:
     """Return what is warned of, and give the codes."""
     made = make()
     if isinstance(made, bd.Params):
         notes = re.findall(r"^  note  ((\w+): .*)", str(made), re.MULTILINE)
         texts, found = [text for text, _ in notes], {code for _, code in notes}
+    elif isinstance(made, list):
+        texts, found = made, {text.partition(":")[0] for text in made}
     else:
         texts, found = [*map(repr, made.warnings)], {one.code for one in made.warnings}
     told["warnings"][f"warned: {name}"] = masked("\n".join(texts))
