@@ -310,7 +310,7 @@ _PULLEYS = {
     "ratio": Column("ratio", "ratio", _within("ratio", digits.of_ratio, 3)),
     "limit": Column("limit", "limit", _number("limit", 3)),
     "used": Column("used", "", _used, "%"),
-    "most_used": Column("used", "", lambda *row: _used(*row)[2], "%"),
+    "most_used": Column("used", "", lambda report, row, _: digits.most_used(report, row), "%"),
     "margin": Column("margin", "margin", _margin("margin")),
     "worst": Column("worst", "least_margin", _margin("least_margin")),
     "own": Column("own", "own_margin", _margin("own_margin")),

@@ -181,12 +181,26 @@ def of_ratio(report: ReportData, row: PulleyRow) -> float:
 
 def used(report: ReportData, row: PulleyRow, scale: float = 100.0) -> tuple[str, str, str]:
     """Return the friction in use [1] times a factor, by the logarithm of a ratio, and its range."""
-    share, part, ratio = math.nan, row.used, row.ratio
-    if part and ratio:  # of the logarithm over the ratio's; a tenth at best, NaN stays
-        share = max(of_ratio(report, row) * part / (ratio * math.log(ratio)), 1e-3) / part
+    part = row.used
     mean = row.used_range if part is None else Spread(part, part, part)
-    texts = placed(mean, share, scale, row.used_range, part or None)
+    texts = placed(mean, _off_used(report, row), scale, row.used_range, part or None)
     return texts[0], texts[1], texts[2].replace("none", "slack")
+
+
+def most_used(report: ReportData, row: PulleyRow) -> str:
+    """Return the most friction in use of any moment [%]."""
+    most = None if row.used_range is None else 100.0 * row.used_range.most
+    error = _off_used(report, row) * (most or 0.0)
+    return within(most, error).replace("none", "slack")
+
+
+def _off_used(report: ReportData, row: PulleyRow) -> float:
+    """Return the error of the friction in use, as a share of it."""
+    part, ratio = row.used, row.ratio
+    if not part or not ratio:
+        return math.nan
+    # of the logarithm over the ratio's; a tenth at best, NaN stays
+    return max(of_ratio(report, row) * part / (ratio * math.log(ratio)), 1e-3) / part
 
 
 def line_frequency(report: ReportData, row: SpanRow | MountRow) -> str:
