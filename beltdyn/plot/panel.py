@@ -213,14 +213,16 @@ def indices(name: str, value: object, count: int, names: Sequence[str] = ()) -> 
     return found
 
 
-def named_links(links: Indices | Mapping[str, int] | None, count: int) -> dict[str, int]:
-    """Check links to highlight, with names or not."""
+def named_links(links: Indices | Mapping[str, int] | None, params: Params) -> dict[str, int]:
+    """Check links to highlight, with names or not; marks on an ALE belt are where cells were."""
     if links is None:
         return {}
+    count = params.n_bodies
     if isinstance(links, Mapping):
         last = count - 1
         return {str(name): integer(f"links[{name!r}]", k, 0, last) for name, k in links.items()}
-    return {f"link {k}": k for k in indices("links", links, count)}
+    name = "belt of cell" if params._flows else "link"
+    return {f"{name} {k}": k for k in indices("links", links, count)}
 
 
 def choice(name: str, value: object, options: Sequence[str | None]) -> None:

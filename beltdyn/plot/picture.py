@@ -70,7 +70,7 @@ class DrivePicture:
         self._result, self._params = result, params
         self._rows, self._shown = rows, range(len(result.t))[rows]
         self._colour = colour
-        self._links = named_links(links, params.n_bodies)
+        self._links = named_links(links, params)
         self._slip_from = slip_from
         self._marked = arcs and params.has_friction
         self._limits = self._scale(limits)
