@@ -317,9 +317,9 @@ def overview(result: Result, *, t: float | None = None, fig: Figure | None = Non
         ax.set_title(title)
     force_along_belt(result, time, ax=lower[0]).set_title(of_belt)
     drive(result, time, ax=lower[1]).set_title(of_drive)
-    # Last, when it is known how much room is left for their legends.
-    speeds(result, ax=upper[0])
+    # Last, when it is known how much room is left for their legends; first the longer names.
     span_tensions(result, ax=upper[1])
+    speeds(result, ax=upper[0])
     return figure
 
 

@@ -36,8 +36,8 @@ FREE, METAL = "0.72", "0.93"
 LEGEND_COLUMNS = 3
 #: Outlines of texts and lines over a picture.
 HALO: list[AbstractPathEffect] = [withStroke(linewidth=2.5, foreground="white", alpha=0.8)]
-#: Share of the height that a legend above the data takes at most; a larger one is below.
-_HEADROOM = 0.4
+#: Share of the height that a legend above the data takes at most, by size; a larger one is below.
+_HEADROOM = {"small": 0.4, "x-small": 0.55}
 #: Above this number of points finding a place for a legend takes longer than drawing.
 _MANY_POINTS = 100_000
 
@@ -174,13 +174,15 @@ def legend(ax: Axes, handles: Sequence[Artist] | None = None) -> None:
     if few and not _covers(ax, box):
         return
     frame = ax.get_window_extent()
-    columns = max(1, int(frame.width / box.width))
-    box = _legend(ax, handles, loc="upper left", ncols=columns)
-    share = (frame.y1 - box.y0) / frame.height
-    if ax.figure.figure.get_layout_engine() is None or (share <= _HEADROOM and not ax.texts):
-        leave_free(ax, min(share, 0.6), above=True)
-    else:
-        legend_below(ax, handles)
+    for size, most in _HEADROOM.items():
+        box = _legend(ax, handles, loc="upper left", fontsize=size)
+        columns = max(1, int(frame.width / box.width))
+        box = _legend(ax, handles, loc="upper left", fontsize=size, ncols=columns)
+        share = (frame.y1 - box.y0) / frame.height
+        if ax.figure.figure.get_layout_engine() is None or (share <= most and not ax.texts):
+            leave_free(ax, min(share, 0.6), above=True)
+            return
+    legend_below(ax, handles)
 
 
 def legend_below(ax: Axes, handles: Sequence[Artist] | None = None) -> None:
