@@ -188,8 +188,9 @@ def slip_loss(params: Drive, pulls: Array, rims: Array) -> Array:
     most, wraps = 2.0 * params.info["strain_tension"], params.route.wraps
     creep = 0.5 / params.belt.axial_stiffness + developed / (most * wraps * params._radii)
     lost = pulls**2 * np.abs(rims) * creep
-    speeds = np.abs(rims)
-    slips = np.abs(pulls) * (speeds.max(axis=1, keepdims=True) - speeds)
+    # The belt has a speed between theirs, along itself.
+    fastest, slowest = rims.max(axis=1, keepdims=True), rims.min(axis=1, keepdims=True)
+    slips = np.abs(pulls) * np.maximum(fastest - rims, rims - slowest)
     near = np.abs(pulls) > 0.5 * most * np.tanh(0.5 * kinetic * wraps)
     return np.where(near, np.maximum(lost, slips), lost)
 

@@ -225,7 +225,7 @@ def running(params: Params, t: Array, arrays: Mapping[str, Array], end: State) -
         work=float(np.max(np.abs(whole @ (torque * omega)))),
         landed=float(landed),
         turned=float(turned),
-        slipped=float(np.sum(whole @ sanity.slip_loss(params, pulls, omega * radii))),
+        slipped=float(np.sum(whole @ sanity.slip_loss(params, pulls, omega * params._rolling))),
     )
 
 
