@@ -380,6 +380,11 @@ def warned() -> dict[str, Callable[[], bd.Params | bd.Result | list[str]]]:
             bd.sweep(bd.Scene(plain, still, 0.001), {"max_steps": [1, 1000]}, executor=1)
         return [str(one.message) for one in caught]
 
+    light = drives.light_scene().params
+    small_pulleys = [attrs.evolve(one, radius=0.012, inertia=2e-6) for one in light.pulleys]
+    jagged = attrs.evolve(
+        light, belt=attrs.evolve(light.belt, mesh="joint", n_bodies=160), pulleys=small_pulleys
+    )
     lively = of({"axial_damping": 0.03})
     chattering = of(contact=bd.Contact(linear=2.5e7, damping=100.0))
     ringing = attrs.evolve(
@@ -396,6 +401,7 @@ def warned() -> dict[str, Callable[[], bd.Params | bd.Result | list[str]]]:
         "units of an inertia": lambda: second(inertia=1e-10),
         "units of friction": lambda: second(friction=bd.Dahl(mu_k=30.0, sigma=1e4)),
         "units of a torque": run(bd.PiecewiseLinear([0.0], [[0.0, -5e4]]), 1e-3),
+        "mesh_speed": run(bd.Ramp(0, 0.0, 2e-3, 0.1), 0.02, jagged, initial=None),
         "no_friction": run(bd.PiecewiseLinear([0.0], [[0.0, 1.0]]), 0.01, of(friction=None)),
         "full_slip": run(bd.PiecewiseLinear([0.0], [[-300.0, 300.0]]), 0.02),
         "slack_span": run(still, 0.003, initial=thrown(1.0)),

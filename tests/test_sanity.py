@@ -333,6 +333,11 @@ def test_links_that_slow_pulleys_down() -> None:
     assert at > 0.1 / 0.012 and np.ptp(caught.pulleys.theta[200:]) < 0.1
 
 
+def test_pulleys_that_slip_in_full_against_each_other_do_so_without_links() -> None:
+    against = run(drive(links=60), steady(-300.0, 300.0), 0.02)
+    assert len(found(against, "full_slip")) == 2 and not found(against, "mesh_speed")
+
+
 def test_corners_of_links_raise_friction_in_full_slip() -> None:
     """A pulley of 12 mm that a large one pulls the belt over, by links of 34 degrees. That ends of
     wraps stand between corners, and belt on the way sticks, is less than a third of it.
